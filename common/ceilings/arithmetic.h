@@ -13,8 +13,7 @@
 // On arm64 all this is done in registers 0 to 15 and again in 16 to 31, with the constants of 14 and 15.
 // Scalar and 128-bit kernels of x86-64 use the legacy encoding, as a build without AVX does. Instructions
 // that exist only in VEX or EVEX encoding are the exception.
-#ifndef STEPWISE_CEILINGS_ARITHMETIC_H
-#define STEPWISE_CEILINGS_ARITHMETIC_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -48,5 +47,3 @@ int kernel_lanes(const struct arithmetic_kernel *c);
 int flops_per_operation(const struct arithmetic_kernel *c);
 // Writes a name for messages, such as "fma double 256 bits".
 void kernel_name(const struct arithmetic_kernel *c, char text[64]);
-
-#endif

@@ -4,8 +4,7 @@
 // from `offset` to its end and again from its start. Masking the offset avoids an inner loop, whose
 // end would be mispredicted. The kernel updates `offset`, and loads and stores the 16 registers as
 // in arithmetic.h.
-#ifndef STEPWISE_CEILINGS_BANDWIDTH_H
-#define STEPWISE_CEILINGS_BANDWIDTH_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -46,5 +45,3 @@ uint64_t test_word(size_t index);
 // difference on standard error, unless `quiet`.
 bool transfer_is_correct(const struct transfer_kernel *m, long loops, long expected_blocks,
                          bool quiet);
-
-#endif

@@ -1,7 +1,6 @@
 // Measures all ceilings: the kernels that this CPU supports, the lengths of their samples, and the
 // samples.
-#ifndef STEPWISE_CEILINGS_MEASURE_H
-#define STEPWISE_CEILINGS_MEASURE_H
+#pragma once
 
 #include "arithmetic.h"
 #include "bandwidth.h"
@@ -40,5 +39,3 @@ enum status ceilings_prepare(struct ceilings *all);
 // Takes `samples` samples of each kernel, in rounds. Returns OK, or WRONG_WORK after printing which
 // kernel's results are wrong.
 enum status ceilings_measure(struct ceilings *all, int samples);
-
-#endif

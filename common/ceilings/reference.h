@@ -1,6 +1,5 @@
 // The results that an arithmetic kernel must have: the same operations, one by one, in C.
-#ifndef STEPWISE_CEILINGS_EXPECTED_H
-#define STEPWISE_CEILINGS_EXPECTED_H
+#pragma once
 
 #include "arithmetic.h"
 
@@ -16,5 +15,3 @@ void reference_result(const struct arithmetic_kernel *c, long loops, const union
 // difference on standard error, unless `quiet`.
 bool matches_reference(const struct arithmetic_kernel *c, const union registers *found,
                        const union registers *wanted, bool quiet);
-
-#endif

@@ -1,8 +1,7 @@
 // The vector registers, 16 of x86-64 and 32 of arm64. Every kernel loads them from memory at its start and
 // stores them at its end, one per slot of 64 bytes. Here are their type in C, and the assembly that loads and
 // stores those of x86-64.
-#ifndef STEPWISE_CEILINGS_REGISTERS_H
-#define STEPWISE_CEILINGS_REGISTERS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -55,6 +54,4 @@ static inline void set_lane(union registers *r, bool is_double, int at, int i, d
 #define CLOBBERED                                                                                  \
     "xmm0", "xmm1", "xmm2", "xmm3", "xmm4", "xmm5", "xmm6", "xmm7", "xmm8", "xmm9", "xmm10",       \
         "xmm11", "xmm12", "xmm13", "xmm14", "xmm15"
-#endif
-
 #endif

@@ -5,8 +5,7 @@
 // slow a sample down, so the best of many short samples comes nearest. They can also disturb the
 // measurement of the clock; the rate per cycle then comes out too high. Such rates scatter, while a
 // ceiling repeats. The median, its 95 % interval and the worst sample show what was usual.
-#ifndef STEPWISE_CEILINGS_SAMPLES_H
-#define STEPWISE_CEILINGS_SAMPLES_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -43,5 +42,3 @@ struct summary {
 
 // Returns the statistics of at least REPEATED samples. Sorts the samples.
 struct summary summarize(struct samples *s);
-
-#endif

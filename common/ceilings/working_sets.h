@@ -1,6 +1,5 @@
 // Instruction sets and caches of this machine, and the working set that measures each cache.
-#ifndef STEPWISE_CEILINGS_PLACES_H
-#define STEPWISE_CEILINGS_PLACES_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -22,5 +21,3 @@ struct working_set {
 // L3: the geometric mean of L2 and L3, because L3 is shared and a virtual machine sees the size of
 // the whole socket's. Memory: four times L3, at most 512 MiB and a quarter of the machine's memory.
 void choose_working_sets(struct working_set working_sets[LEVELS]);
-
-#endif

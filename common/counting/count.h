@@ -1,8 +1,7 @@
 // Counters of the timed region. A counting build has one of two implementations: flops.c counts calls
 // and multiplies them by declared costs, blocks.c counts basic blocks of the assembly. A timing
 // build has none.
-#ifndef STEPWISE_COUNT_H
-#define STEPWISE_COUNT_H
+#pragma once
 
 #include <jansson.h>
 #include <stdbool.h>
@@ -26,5 +25,3 @@ uint64_t *tally_own(size_t *size);
 // Defined by tally.c. Sums the counters of all threads, running and ended, into out[size]. The other
 // threads must be idle. Returns false if counts were lost because memory was short.
 bool tally_sum(uint64_t *out, size_t size);
-
-#endif

@@ -23,8 +23,7 @@
 //     paper   = machine + call: one FLOP for each math.h call (section 2 of the paper).
 // COST_MATH declares a function that replaces a math.h call, for example a phase's own exp. In the
 // paper's convention its entry is one FLOP and the rest of it none.
-#ifndef STEPWISE_FLOPS_H
-#define STEPWISE_FLOPS_H
+#pragma once
 
 #ifdef STEPWISE_COUNT
 
@@ -58,5 +57,4 @@ extern _Thread_local unsigned flops_active;
 #define COUNT(function, part) ((void)0)
 #define ACTIVE(lanes) ((void)0)
 
-#endif
 #endif

@@ -1,8 +1,7 @@
 // What the files of the function bench share (run by scripts/stepwise functions). An entry is one
 // implementation of a function, in one precision at one vector width. scalar_kernels.c and
 // vector_kernels.c define the entries; each object of them is compiled for one instruction set.
-#ifndef STEPWISE_FUNCTIONS_BENCH_H
-#define STEPWISE_FUNCTIONS_BENCH_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -145,5 +144,3 @@ bool print_normalise(const struct entries *const *files, size_t count,
 
 // main.c: returns whether the CPU has the instruction set of these entries.
 bool runs_here(const struct entries *of);
-
-#endif

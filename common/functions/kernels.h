@@ -1,8 +1,7 @@
 // Macros that make a stream and a chain of an expression of x (and y); see bench.h. The including
 // file first defines V, vload, vstore and the rest: vector_kernels.c by simd.h, scalar_kernels.c
 // with one lane.
-#ifndef STEPWISE_FUNCTIONS_KERNELS_H
-#define STEPWISE_FUNCTIONS_KERNELS_H
+#pragma once
 
 #include "bench.h"
 
@@ -47,5 +46,3 @@ typedef V binary(V, V);
 static inline V newton(V x, V y) {
     return y * ((elem)1.5 - (elem)0.5 * x * y * y);
 }
-
-#endif

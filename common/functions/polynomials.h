@@ -6,8 +6,7 @@
 //
 // The functions serve a renderer: outside the stated ranges, and for infinities and NaN, the result
 // can be any finite number.
-#ifndef STEPWISE_FUNCTIONS_POLYNOMIALS_H
-#define STEPWISE_FUNCTIONS_POLYNOMIALS_H
+#pragma once
 
 #include "coefficients.h"
 #include "simd.h"
@@ -160,5 +159,3 @@ static inline V poly_acos(V x) {
     V mirrored = 2 * (vsplat(HALF_PI[0]) - (s + (tail - vsplat(HALF_PI[1]))));
     return vselect(outer, vselect(left, mirrored, twice), inner);
 }
-
-#endif

@@ -1,8 +1,7 @@
 // One vector type V for kernels of any width. The including file or the command line defines BITS
 // (128, 256 or 512) and DOUBLE (0 or 1). gcc and clang provide + − × ÷ and comparisons of vectors.
 // MM(op) names the intrinsic of that width and precision for other operations.
-#ifndef STEPWISE_FUNCTIONS_SIMD_H
-#define STEPWISE_FUNCTIONS_SIMD_H
+#pragma once
 
 #include <immintrin.h>
 #include <stddef.h>
@@ -93,6 +92,4 @@ static inline V vfnma(V a, V b, V c) {
 }
 #else
 #define HAS_FMA 0
-#endif
-
 #endif

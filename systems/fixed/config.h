@@ -1,6 +1,5 @@
 // What distinguishes the phases of this family: the default settings and the builds of tile.c.
-#ifndef FIXED_CONFIG_H
-#define FIXED_CONFIG_H
+#pragma once
 
 #include "number/format.h"
 #include "tile.h"
@@ -15,5 +14,3 @@ static inline void render_tile_in_lanes(int lanes, const struct job *job, int ti
     (void)lanes; // one
     lanes1_render_tile(job, tile, candidates);
 }
-
-#endif

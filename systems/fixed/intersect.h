@@ -1,8 +1,7 @@
 // Camera rays, and the spheres that rays hit: t = −b − √(b² − c), the nearest one ahead, as in the article.
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 // A header, as all of it must be inlined into each build of tile.c.
-#ifndef FIXED_INTERSECT_H
-#define FIXED_INTERSECT_H
+#pragma once
 
 #include "number/number.h"
 #include "scene_tables.h"
@@ -126,5 +125,3 @@ static vmask occluded(struct packet rays, vnum far, const struct scene_tables *s
     }
     return dark;
 }
-
-#endif

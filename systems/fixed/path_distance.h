@@ -1,6 +1,5 @@
 // How near to a point, and how far from it, a shape's path leads the shape's centre.
-#ifndef FIXED_PATH_DISTANCE_H
-#define FIXED_PATH_DISTANCE_H
+#pragma once
 
 #include "scene/scene.h"
 
@@ -10,5 +9,3 @@ struct distance_range {
 
 // Returns the range of distances from `point` to the shape's centre, at any time, in scene units.
 struct distance_range path_distance(const struct shape *shape, const double point[3]);
-
-#endif

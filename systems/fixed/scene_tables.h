@@ -1,6 +1,5 @@
 // The scene in the phase's numbers: one table per property, indexed by sphere, and the frame's camera and light.
-#ifndef FIXED_SCENE_TABLES_H
-#define FIXED_SCENE_TABLES_H
+#pragma once
 
 #include "frame/frame.h"
 #include "number/format.h"
@@ -48,5 +47,3 @@ void tables_set_view(struct scene_tables *scene, const struct model *model, cons
 // Converts the camera's basis (camera.c): forward, right, up, half_pixel.
 void set_camera_basis(struct scene_tables *scene, const struct view *view,
                       const struct frame *frame);
-
-#endif

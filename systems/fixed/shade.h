@@ -1,8 +1,7 @@
 // Shading and the loop over mirror bounces, in the phase's numbers. The model is this study's (results/README.md).
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 // A header, as all of it must be inlined into each build of tile.c, which includes intersect.h before it.
-#ifndef FIXED_SHADE_H
-#define FIXED_SHADE_H
+#pragma once
 
 struct shaded {
     struct vec colour, normal; // the normal is the first hit's
@@ -110,5 +109,3 @@ static struct shaded trace(struct packet rays, const struct scene_tables *scene,
         hit = intersect(&rays, scene);
     }
 }
-
-#endif

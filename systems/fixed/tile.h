@@ -1,6 +1,5 @@
 // A tile of the picture, the unit of work that the threads share: a few blocks in a row.
-#ifndef FIXED_TILE_H
-#define FIXED_TILE_H
+#pragma once
 
 #include "frame/frame.h"
 #include "scene_tables.h"
@@ -17,5 +16,3 @@ struct job {
 void lanes1_render_tile(const struct job *job, int tile, int *candidates);
 void lanes8_render_tile(const struct job *job, int tile, int *candidates);
 void lanes16_render_tile(const struct job *job, int tile, int *candidates);
-
-#endif

@@ -1,6 +1,5 @@
 // What distinguishes the phases of this family: the default settings and the builds of tile.c.
-#ifndef FIXED_CONFIG_H
-#define FIXED_CONFIG_H
+#pragma once
 
 #include "number/format.h"
 #include "tile.h"
@@ -14,5 +13,3 @@ static inline void render_tile_in_lanes(int lanes, const struct job *job, int ti
                                         int *candidates) {
     (lanes == 16 ? lanes16_render_tile : lanes8_render_tile)(job, tile, candidates);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // What the tree's builders share: boxes, arrays that grow, and leaves.
-#ifndef PACKETS_BUILDERS_H
-#define PACKETS_BUILDERS_H
+#pragma once
 
 #include <math.h>
 #include <stdlib.h>
@@ -51,5 +50,3 @@ int add_leaf(struct tree *tree, const struct bounded_solid *solids, const int *w
 // Return false if memory is short.
 bool build_bvh(struct tree *tree, const struct bounded_solid *solids, int *which, int count);
 bool build_kd(struct tree *tree, const struct bounded_solid *solids, const int *which, int count);
-
-#endif

@@ -1,7 +1,6 @@
 // The scene as render.c prepares it, and the kernels that it calls. This header has no vectors: the
 // kernels are built for 4, 8 and 16 lanes.
-#ifndef PACKETS_PRIMITIVE_H
-#define PACKETS_PRIMITIVE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -47,5 +46,3 @@ KERNEL(lanes4)
 KERNEL(lanes8)
 KERNEL(lanes16)
 #undef KERNEL
-
-#endif

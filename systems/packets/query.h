@@ -1,6 +1,5 @@
 // What the traversals of bundles (bundle.c) and of single rays (single_ray.c) share.
-#ifndef PACKETS_QUERY_H
-#define PACKETS_QUERY_H
+#pragma once
 
 #include "simd/simd.h"
 #include "trace.h"
@@ -53,5 +52,3 @@ void trace_all_solids(const struct query *q);
 
 // single_ray.c: traces ray i by itself. `margin`: rounding of a box's planes, without the origin's.
 void trace_single_ray(const struct query *q, int i, float margin);
-
-#endif

@@ -1,6 +1,5 @@
 // Packets of vectors from and to arrays of rays.
-#ifndef PACKETS_RAY_ARRAYS_H
-#define PACKETS_RAY_ARRAYS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "trace.h"
@@ -21,5 +20,3 @@ static inline void pack_vec(vmask m, struct vec a, float (*to)[ROOM], int i) {
     v_compress_store(m, a.y, to[1] + i);
     v_compress_store(m, a.z, to[2] + i);
 }
-
-#endif

@@ -1,7 +1,6 @@
 // The phase's settings, which the environment variable STEPWISE_PACKETS changes. All zero: the
 // default.
-#ifndef PACKETS_SETTINGS_H
-#define PACKETS_SETTINGS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -22,5 +21,3 @@ bool settings_read(const char *text, struct settings *settings, char *error);
 
 // Writes all settings in the form that settings_read reads; `text` has room for 64 bytes.
 void settings_print(const struct settings *settings, char *text);
-
-#endif

@@ -1,6 +1,5 @@
 // Shading of a tile's rays, and what a worker needs for it.
-#ifndef PACKETS_SHADE_H
-#define PACKETS_SHADE_H
+#pragma once
 
 #include "trace.h"
 
@@ -32,5 +31,3 @@ struct tile_context {
 // Shades the hits of scratch->rays: adds their light to scratch->color, and queues their mirror
 // rays in scratch->mirrored. `normals`: keeps the normals in scratch->normal.
 void shade_batch(const struct tile_context *context, int bounce, bool normals);
-
-#endif

@@ -5,8 +5,7 @@
 // The lanes are rays and the solid is the same in all (LANE_RAYS), or the lanes are solids and the
 // ray is the same. The origin is first moved along the ray to the point nearest to the solid's
 // centre: rounding then has the solid's size, not the distance's.
-#ifndef PACKETS_SOLIDS_H
-#define PACKETS_SOLIDS_H
+#pragma once
 
 #include "simd/simd.h"
 #include "tree.h"
@@ -193,5 +192,3 @@ static inline vmask entry_distance(vmask met, vfloat in, vfloat out, struct vec 
         *t = v_select(within, v_min(depth_inside(type, o, arrays, i, lane), zero), in);
     return met;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Rays through the scene: batches of them, and what a batch is traced by.
-#ifndef PACKETS_TRACE_H
-#define PACKETS_TRACE_H
+#pragma once
 
 #include "primitive.h"
 
@@ -25,5 +24,3 @@ void find_closest_hits(const struct prepared *scene, const struct ray_batch *bat
 
 // Sets t to −∞ for each ray with a shape between near and far, else to far.
 void find_occluded(const struct prepared *scene, const struct ray_batch *batch, float *t);
-
-#endif

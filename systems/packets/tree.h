@@ -6,8 +6,7 @@
 //     rid of packets", IRT 2008)
 //     a kd-tree (I. Wald, V. Havran, "On building fast kd-trees for ray tracing", IRT 2006)
 //     a single leaf
-#ifndef PACKETS_TREE_H
-#define PACKETS_TREE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -82,5 +81,3 @@ static inline int tree_solid_count(const struct tree *tree) {
 bool tree_build(struct tree *tree, enum tree_kind kind, int width,
                 const struct bounded_solid *solids, int count);
 void tree_free(struct tree *tree);
-
-#endif

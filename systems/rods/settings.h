@@ -1,6 +1,5 @@
 // The article's parameters and the variants that it compares, read from STEPWISE_RODS. Unset: the article's own.
-#ifndef RODS_SETTINGS_H
-#define RODS_SETTINGS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -19,5 +18,3 @@ bool settings_read(const char *text, struct settings *settings, char *error);
 
 // Writes all settings in the form that settings_read takes; `text` has 128 bytes.
 void settings_say(const struct settings *settings, char *text);
-
-#endif

@@ -1,6 +1,5 @@
 // What render.c, rods.c, march.c and shade.c use of each other.
-#ifndef RODS_TRACE_H
-#define RODS_TRACE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -74,5 +73,3 @@ double shadow(const double *point, const double *to_light, double distance,
 // Computes colour and normal for result->hit of a ray of that direction, after `bounce` mirrors.
 void shade(const double *direction, int bounce, const struct scene_view *input,
            struct shaded *result);
-
-#endif

@@ -1,6 +1,5 @@
 // Where the rays of a tile begin, found by rods: see rods.c.
-#ifndef RODS_H
-#define RODS_H
+#pragma once
 
 #include "simd/simd.h"
 
@@ -27,5 +26,3 @@ struct survey {
 // Fills start, steps and share of the tile whose first pixel is (left, top).
 void march_rods(int left, int top, const struct job *job, struct point eye,
                 struct trace_context *world, struct survey *survey);
-
-#endif

@@ -1,6 +1,5 @@
 // The settings that the article's throttle would choose, read from STEPWISE_RODS. Unset: the phase's defaults.
-#ifndef SETTINGS_H
-#define SETTINGS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -18,5 +17,3 @@ bool settings_read(const char *text, struct settings *settings, char *error);
 
 // Writes all settings in the form that settings_read() reads. `text` has room for 128 bytes.
 void settings_say(const struct settings *settings, char *text);
-
-#endif

@@ -1,6 +1,5 @@
 // The number format: bits of fraction, unit of length and kind of square root. STEPWISE_FIXED sets it.
-#ifndef FIXED_FORMAT_H
-#define FIXED_FORMAT_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -64,5 +63,3 @@ int direction_shift(const struct view *view, double aspect);
 // Returns whether 1/√ takes the square of the shortest direction of a picture; if not, `error` says why.
 bool directions_fit(const struct format *f, const struct view *view, double aspect,
                     char error[512]);
-
-#endif

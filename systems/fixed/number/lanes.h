@@ -1,7 +1,6 @@
 // One lane: plain C. number.h says what each operation is.
 // tile.c is built once, with LANES and VARIANT as here.
-#ifndef FIXED_LANES_H
-#define FIXED_LANES_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -147,5 +146,3 @@ static inline void v_store_double(vnum a, double scale, double *to) {
 static inline void v_store_float(vnum a, double scale, float *to) {
     *to = (float)((double)a * scale);
 }
-
-#endif

@@ -20,8 +20,7 @@
 //     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z, shifted once, as in the article
 //     v_half(a)  v_max(a, b)    v_half rounds down, as every shift does
 //     v_root(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
-#ifndef FIXED_NUMBER_H
-#define FIXED_NUMBER_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -60,5 +59,3 @@ static inline vnum v_max(vnum a, vnum b) {
 }
 
 #include "number/roots.h"
-
-#endif

@@ -3,8 +3,7 @@
 // Quake III's. A fixed-point number becomes a float by C. Hecker's trick ("Let's get to the (floating) point", Game
 // Developer, 1996): placed beside a fixed exponent it is a mantissa, and the float of that exponent is subtracted.
 // Included by number.h, whose operations it uses.
-#ifndef FIXED_ROOTS_H
-#define FIXED_ROOTS_H
+#pragma once
 
 enum { MANTISSA = 0x7fffff, EXPONENT_BIAS = 127, EXPONENT_SHIFT = 23 }; // of a float
 
@@ -91,5 +90,3 @@ static inline struct vec normalize(struct vec v, const struct format *f,
     return (struct vec){v_srav(v_mul_wide(v.x, r.y), down), v_srav(v_mul_wide(v.y, r.y), down),
                         v_srav(v_mul_wide(v.z, r.y), down)};
 }
-
-#endif

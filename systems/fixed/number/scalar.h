@@ -1,6 +1,5 @@
 // One number of the phase outside of the lanes: fixed point in 64 bits, and its conversions from double.
-#ifndef FIXED_SCALAR_H
-#define FIXED_SCALAR_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -35,5 +34,3 @@ static inline double direction_error(const struct format *f) {
     static const double by_newton_steps[] = {5e-6, 2e-3, 5e-6};
     return ldexp(8, -f->bits) + (f->newton_steps < 3 ? by_newton_steps[f->newton_steps] : 0);
 }
-
-#endif

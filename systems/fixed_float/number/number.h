@@ -14,8 +14,7 @@
 // From this file:
 //     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z by fused products
 //     v_root(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
-#ifndef FIXED_NUMBER_H
-#define FIXED_NUMBER_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -120,5 +119,3 @@ static inline struct vec normalize(struct vec v, const struct format *f,
     length->factor = x;
     return (struct vec){v.x * x, v.y * x, v.z * x};
 }
-
-#endif

@@ -1,6 +1,5 @@
 // One number of the phase outside of the lanes: a float. Lengths are in scene units.
-#ifndef FIXED_SCALAR_H
-#define FIXED_SCALAR_H
+#pragma once
 
 #include "number/format.h"
 
@@ -30,5 +29,3 @@ static inline double direction_error(const struct format *f) {
     (void)f;
     return 0x1p-20;
 }
-
-#endif

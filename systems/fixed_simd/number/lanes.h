@@ -1,7 +1,6 @@
 // The lanes of the build at hand: tile.c is built for 8 and for 16 (phase.json). number.h says what each operation is.
 // Eight lanes are two AVX2 registers of four 64-bit lanes, sixteen two AVX-512 registers (F and DQ) of eight.
-#ifndef FIXED_LANES_H
-#define FIXED_LANES_H
+#pragma once
 
 #include <immintrin.h>
 #include <stdbool.h>
@@ -260,5 +259,3 @@ static inline vmask v_mask_first(int count) {
 static inline bool v_mask_lane(vmask x, int lane) {
     return v_mask_bits(x) >> lane & 1;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // The camera's rays through the pixels of a block.
-#ifndef CAMERA_RAYS_H
-#define CAMERA_RAYS_H
+#pragma once
 
 #include "core/pixel_block.h"
 
@@ -30,5 +29,3 @@ static inline struct vec get_direction(struct pixel_block block, const struct fr
     d = vec_along(d, vec_from_doubles(view->up), y);
     return vec_scale(d, v_splat(1.0f) / vec_norm(d));
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Rays that are traced together, and what a worker traces them with.
-#ifndef TRACE_CONTEXT_H
-#define TRACE_CONTEXT_H
+#pragma once
 
 #include "core/primitive.h"
 #include "simd/simd.h"
@@ -21,5 +20,3 @@ struct trace_context {
     vfloat start[GROUP];
     int cap[GROUP]; // 0: the scene's
 };
-
-#endif
