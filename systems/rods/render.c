@@ -81,6 +81,28 @@ void put_pixel(const struct scene_view *input, struct frame *frame, int column, 
     store(frame, pixel, &result, cost);
 }
 
+// opt2's ray_march(), which keeps the last point and the distance there.
+static void march_pixel(const double *origin, const double *direction, const struct prepared *scene,
+                        struct hit *hit) {
+    *hit = (struct hit){.shape = -1};
+    vec_set(origin, hit->point);
+    for (int step = 0; step < scene->model.march.max_steps; step++) {
+        double distance = sdf(hit->point, scene, &hit->shape);
+        hit->evals++;
+        hit->last_t = hit->t;
+        hit->last_distance = distance;
+        hit->t += distance;
+        vec_along(origin, direction, hit->t, hit->point);
+        if (distance < scene->model.march.hit_distance) {
+            hit->found = true;
+            return;
+        }
+        if (vec_norm_sq(hit->point) > scene->bounds_sq)
+            break;
+    }
+    hit->shape = -1;
+}
+
 // Marches each pixel by itself: what the article compares rods with.
 static void march_pixels(const struct scene_view *input, struct frame *frame) {
     for (int row = 0; row < frame->height; row++)
@@ -88,7 +110,7 @@ static void march_pixels(const struct scene_view *input, struct frame *frame) {
             double direction[3];
             struct hit hit;
             get_direction(column, row, frame, input->view, direction);
-            ray_march(input->view->position, direction, input->scene, &hit);
+            march_pixel(input->view->position, direction, input->scene, &hit);
             put_pixel(input, frame, column, row, &hit, (struct pixel_cost){hit.evals, 0.0});
         }
 }
@@ -106,7 +128,7 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {
         nearest[i] = -1;
-        distance[i] = scene_distance(points + 3 * i, prepared, &nearest[i]);
+        distance[i] = sdf(points + 3 * i, prepared, &nearest[i]);
     }
     return true;
 }

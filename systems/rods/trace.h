@@ -1,4 +1,4 @@
-// What render.c, rods.c, march.c and shade.c use of each other.
+// What render.c, rods.c, shade.c and opt2's march.c use of each other.
 #pragma once
 
 #include <stdbool.h>
@@ -18,9 +18,6 @@ static inline const struct state *state_of(const struct prepared *prepared) {
     return (const struct state *)prepared; // its first member
 }
 
-// Returns the distance to the nearest shape: opt2's sdf(), once for all files. In march.c.
-double scene_distance(const double *p, const struct prepared *scene, int *nearest);
-
 // What a frame is drawn from.
 struct scene_view {
     const struct prepared *scene;
@@ -33,7 +30,7 @@ struct hit {
     double point[3];
     int shape;
     int evals; // evaluations of the scene's distance; for a rod's pixel, in the march that led to it
-    double last_t, last_distance; // the march's last point, and the scene's distance there
+    double last_t, last_distance; // a camera ray's last point, and the scene's distance there
 };
 
 struct shaded {
