@@ -15,20 +15,11 @@ enum { TILE = 16 };
 
 // Whether two shapes are the same surface. The first in the scene then owns every hit, as in every phase's ties.
 static bool same_surface(const struct shape *a, const struct shape *b) {
-    if (a->type != b->type || memcmp(a->position, b->position, sizeof a->position) != 0 ||
-        memcmp(a->rotation_degrees, b->rotation_degrees, sizeof a->rotation_degrees) != 0 ||
-        memcmp(a->repeat, b->repeat, sizeof a->repeat) != 0)
-        return false;
-    switch (a->type) {
-    case SHAPE_SPHERE: return a->sphere.radius == b->sphere.radius;
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: return memcmp(&a->box, &b->box, sizeof a->box) == 0;
-    case SHAPE_TORUS: return memcmp(&a->torus, &b->torus, sizeof a->torus) == 0;
-    case SHAPE_CONE: return memcmp(&a->cone, &b->cone, sizeof a->cone) == 0;
-    case SHAPE_OCTAHEDRON: return a->octahedron.radius == b->octahedron.radius;
-    case SHAPE_PLANE: return memcmp(&a->plane, &b->plane, sizeof a->plane) == 0;
-    default: return false;
-    }
+    struct shape x = *a, y = *b;
+    x.material = y.material = 0;
+    memset(&x.path, 0, sizeof x.path);
+    memset(&y.path, 0, sizeof y.path);
+    return !is_fractal(a->type) && a->type != SHAPE_GROUP && memcmp(&x, &y, sizeof x) == 0;
 }
 
 // The rotation about x, then y, then z as one matrix.

@@ -14,21 +14,8 @@ struct walk {
     long balls;
 };
 
-#define REAL double
-#define FN(name) name##_d
-#define U 0x1p-53
-#include "bulb/ball_body.h"
-#undef REAL
-#undef FN
-#undef U
-
-#define REAL quad
-#define FN(name) name##_q
-#define U ((quad)0x1p-113)
-#include "bulb/ball_body.h"
-#undef REAL
-#undef FN
-#undef U
+#define BODY "bulb/ball_body.h"
+#include "number/twice.h"
 
 static struct ray_q local_ray(const struct solid *solid, const struct ray_q *ray) {
     struct ray_q local = *ray;

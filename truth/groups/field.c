@@ -8,30 +8,15 @@
 
 enum { DEEPEST = 256 };
 
-#define REAL double
-#define IV ivd
-#define FN(name) name##_d
-#include "groups/jet_body.h"
-
-#include "groups/shapes_body.h"
-
-#include "groups/fold_body.h"
-
-#include "groups/field_body.h" // the order matters: each uses the ones above
-#undef REAL
-#undef IV
-#undef FN
-
-#define REAL quad
-#define IV ivq
-#define FN(name) name##_q
-#include "groups/jet_body.h"
-
-#include "groups/shapes_body.h"
-
-#include "groups/fold_body.h"
-
-#include "groups/field_body.h"
+// The order matters: each uses the ones above.
+#define BODY "groups/jet_body.h"
+#include "number/twice.h"
+#define BODY "groups/shapes_body.h"
+#include "number/twice.h"
+#define BODY "groups/fold_body.h"
+#include "number/twice.h"
+#define BODY "groups/field_body.h"
+#include "number/twice.h"
 
 bool field_surface(const struct solid *group, const struct ivq p[3],
                    const struct material *materials, struct ivq gradient[3],

@@ -39,26 +39,8 @@ static inline bool exact_product_q(quad a, quad b) {
     return a == 0 || b == 0 || ((quad)(double)a == a && (quad)(double)b == b);
 }
 
-// SPREAD: u(1 + 2u) with the unit roundoff u, the relative size of a step outward.
-#define REAL double
-#define IV ivd
-#define FN(name) name##_d
-#define SPREAD (0x1p-53 * (1 + 0x1p-52))
-#include "number/interval_body.h"
-#undef REAL
-#undef IV
-#undef FN
-#undef SPREAD
-
-#define REAL quad
-#define IV ivq
-#define FN(name) name##_q
-#define SPREAD ((quad)0x1p-113 * (1 + (quad)0x1p-112))
-#include "number/interval_body.h"
-#undef REAL
-#undef IV
-#undef FN
-#undef SPREAD
+#define BODY "number/interval_body.h"
+#include "number/twice.h"
 
 // The nearest double that is not above, and the nearest that is not below.
 static inline double double_below(quad x) {

@@ -1,15 +1,16 @@
-// Interval arithmetic over REAL. Included by interval.h, once in doubles and once in quads.
+// Interval arithmetic over REAL. Included by interval.h, once in doubles and once in quads. U·(1 + 2U) is the relative
+// size of a step outward.
 struct IV {
     REAL lo, hi;
 };
 
 // At least the next number up, and down.
 static inline REAL FN(above)(REAL x) {
-    return x + (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
+    return x + (U * (1 + 2 * U) * (x < 0 ? -x : x) + (REAL)0x1p-1074);
 }
 
 static inline REAL FN(below)(REAL x) {
-    return x - (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
+    return x - (U * (1 + 2 * U) * (x < 0 ? -x : x) + (REAL)0x1p-1074);
 }
 
 static inline struct IV FN(point)(double x) {
@@ -82,6 +83,16 @@ static inline REAL FN(product_above)(REAL a, REAL b) {
     return FN(exact_product)(a, b) ? p : FN(above)(p);
 }
 
+// Returns an interval that holds four rounded numbers before rounding.
+static inline struct IV FN(hull_of_four)(REAL p, REAL q, REAL r, REAL s) {
+    REAL least = p < q ? p : q, most = p > q ? p : q;
+    least = least < r ? least : r;
+    least = least < s ? least : s;
+    most = most > r ? most : r;
+    most = most > s ? most : s;
+    return (struct IV){FN(below)(least), FN(above)(most)};
+}
+
 static inline struct IV FN(mul)(struct IV a, struct IV b) {
     if (a.lo == a.hi && b.lo == b.hi) {
         REAL p = a.lo * b.lo;
@@ -97,13 +108,7 @@ static inline struct IV FN(mul)(struct IV a, struct IV b) {
         return (struct IV){FN(product_below)(a.hi, b.lo), FN(product_above)(a.lo, b.hi)};
     if (a.hi <= 0 && b.lo >= 0)
         return (struct IV){FN(product_below)(a.lo, b.hi), FN(product_above)(a.hi, b.lo)};
-    REAL p = a.lo * b.lo, q = a.lo * b.hi, r = a.hi * b.lo, s = a.hi * b.hi;
-    REAL least = p < q ? p : q, most = p > q ? p : q;
-    least = least < r ? least : r;
-    least = least < s ? least : s;
-    most = most > r ? most : r;
-    most = most > s ? most : s;
-    return (struct IV){FN(below)(least), FN(above)(most)};
+    return FN(hull_of_four)(a.lo * b.lo, a.lo * b.hi, a.hi * b.lo, a.hi * b.hi);
 }
 
 static inline struct IV FN(scale)(struct IV a, double x) {
@@ -125,13 +130,7 @@ static inline struct IV FN(div)(struct IV a, struct IV b) {
         return a;
     if (FN(is_point)(b, 1))
         return a;
-    REAL p = a.lo / b.lo, q = a.lo / b.hi, r = a.hi / b.lo, s = a.hi / b.hi;
-    REAL least = p < q ? p : q, most = p > q ? p : q;
-    least = least < r ? least : r;
-    least = least < s ? least : s;
-    most = most > r ? most : r;
-    most = most > s ? most : s;
-    return (struct IV){FN(below)(least), FN(above)(most)};
+    return FN(hull_of_four)(a.lo / b.lo, a.lo / b.hi, a.hi / b.lo, a.hi / b.hi);
 }
 
 // Returns the roots of what is not negative in a. The bounds are checked by their squares.

@@ -14,22 +14,6 @@ static inline struct ivq pi_q(void) {
     return add_q(pi, (struct ivq){-(quad)0x1.f1976b7ed8fbdp-109, -(quad)0x1.f1976b7ed8fbbp-109});
 }
 
-#define REAL double
-#define IV ivd
-#define FN(name) name##_d
-#define LAST_TERM 22
-#include "number/sine_body.h"
-#undef REAL
-#undef IV
-#undef FN
-#undef LAST_TERM
-
-#define REAL quad
-#define IV ivq
-#define FN(name) name##_q
-#define LAST_TERM 42
-#include "number/sine_body.h"
-#undef REAL
-#undef IV
-#undef FN
-#undef LAST_TERM
+enum { LAST_TERM_d = 22, LAST_TERM_q = 42 }; // of the series
+#define BODY "number/sine_body.h"
+#include "number/twice.h"

@@ -6,7 +6,7 @@ static inline struct IV FN(series)(struct IV x, int first) {
     struct IV term = first ? x : FN(point)(1), sum = term, square = FN(square)(x);
     for (int k = first + 2;; k += 2) {
         term = FN(neg)(FN(div)(FN(mul)(term, square), FN(point)((double)k * (k - 1))));
-        if (k >= LAST_TERM) {
+        if (k >= FN(LAST_TERM)) {
             REAL rest = FN(magnitude)(term);
             return FN(add)(sum, (struct IV){-rest, rest});
         }

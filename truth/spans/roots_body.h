@@ -86,7 +86,7 @@ static bool FN(isolate_roots)(const struct FN(curve) * curve, struct IV *range, 
         }
         // Near a double root the value is rounding alone: smaller intervals would tell no more.
         bool drowned = jet.over.hi - jet.over.lo <= (jet.at.hi - jet.at.lo) * 4;
-        if (drowned || x.hi - x.lo <= RESOLUTION * scale || depth + 2 > 160 ||
+        if (drowned || x.hi - x.lo <= (REAL)FN(RESOLUTION) * scale || depth + 2 > 160 ||
             !(m > x.lo && m < x.hi)) {
             if (!FN(add_root)(events, count, x, true))
                 return false;
