@@ -98,7 +98,7 @@ struct ray_set {
 // and tools/hits.c. Returns false if memory is short.
 bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
 
-// Optional, for truth; used by tests (tools/rays.c). A ray is six numbers, origin and direction; its hit is
+// Optional, for truth; used by tests (tools/probe.c). A ray is six numbers, origin and direction; its hit is
 // at origin + s·direction, s ≥ 0. Writes five: status (2 proved, 1 marched, 0 undecided), the first
 // shape (−1: none), bounds of s (+inf on a proved miss), and the number of evaluations.
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,

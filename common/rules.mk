@@ -164,6 +164,9 @@ $(BUILD)/%/render-count: $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(COU
 	$(LINK) -Wl,--wrap=pthread_create -o $@
 $(BUILD)/%/probe: $(BUILD)/common/tools/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) -o $@
+$(BUILD)/common/tools/rays.o: common/tools/probe.c $(COMMON_HEADERS) common/rules.mk $(BUILD)/common/toolchain
+	@mkdir -p $(@D)
+	$(CC) $(COMMON_CFLAGS) -DRAYS -c $< -o $@
 $(BUILD)/%/rays: $(BUILD)/common/tools/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) -o $@
 $(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)

@@ -15,22 +15,9 @@ extern _Thread_local uint64_t stepwise_saved[2];
 _Thread_local uint64_t stepwise_counters[COUNTERS];
 _Thread_local uint64_t stepwise_saved[2];
 
-static uint64_t before[COUNTERS], counted[COUNTERS];
-static bool complete = true;
-
 uint64_t *tally_own(size_t *size) {
     *size = COUNTERS;
     return stepwise_counters;
-}
-
-void count_begin(void) {
-    complete = tally_sum(before, COUNTERS) && complete;
-}
-
-void count_end(void) {
-    complete = tally_sum(counted, COUNTERS) && complete;
-    for (size_t i = 0; i < COUNTERS; i++)
-        counted[i] -= before[i];
 }
 
 static json_t *numbers(const uint64_t *from, size_t size) {
@@ -44,7 +31,8 @@ static json_t *numbers(const uint64_t *from, size_t size) {
 }
 
 json_t *count_result(void) {
-    if (!complete)
+    const uint64_t *counted = tally_counted();
+    if (!counted)
         return NULL;
     // If any object is NULL, json_pack releases the others and returns NULL.
     return json_pack("{s:s, s:s, s:o, s:o, s:o}", "counts", "basic blocks", "table", TABLE_HASH,

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Called before and after phase_render. The result is what all threads count in between.
+// Called before and after phase_render, in tally.c. The result is what all threads count in between.
 void count_begin(void);
 void count_end(void);
 
@@ -22,6 +22,6 @@ json_t *count_result(void);
 // the same in every thread.
 uint64_t *tally_own(size_t *size);
 
-// Defined by tally.c. Sums the counters of all threads, running and ended, into out[size]. The other
-// threads must be idle. Returns false if counts were lost because memory was short.
-bool tally_sum(uint64_t *out, size_t size);
+// Defined by tally.c. Returns what the counters of all threads, running and ended, rose by in the region; NULL if counts
+// were lost because memory was short.
+const uint64_t *tally_counted(void);

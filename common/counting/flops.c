@@ -30,24 +30,9 @@ static const struct cost {
 _Thread_local struct flops_tally flops_tally[FLOPS_PARTS];
 _Thread_local unsigned flops_active = 1;
 
-enum { COUNTERS = 2 * FLOPS_PARTS };
-// Calls and lanes of part 0, calls and lanes of part 1, …: the layout of flops_tally.
-static uint64_t before[COUNTERS], counted[COUNTERS];
-static bool complete = true;
-
 uint64_t *tally_own(size_t *size) {
-    *size = COUNTERS;
+    *size = 2 * FLOPS_PARTS; // calls and lanes of part 0, calls and lanes of part 1, …
     return &flops_tally[0].calls;
-}
-
-void count_begin(void) {
-    complete = tally_sum(before, COUNTERS) && complete;
-}
-
-void count_end(void) {
-    complete = tally_sum(counted, COUNTERS) && complete;
-    for (size_t i = 0; i < COUNTERS; i++)
-        counted[i] -= before[i];
 }
 
 // FLOPs per lane by the two conventions of flops.h.
@@ -77,7 +62,8 @@ static json_t *child(json_t *object, const char *key) {
 }
 
 // Adds part i's counts to its function's object, to the classes and to the totals.
-static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[4]) {
+static bool account(size_t i, const uint64_t *counted, json_t *function, json_t *classes,
+                    uint64_t total[4]) {
     const struct cost *c = &costs[i];
     uint64_t calls = counted[2 * i];
     unsigned width = c->width == LANES ? (unsigned)variant_here().lanes : c->width;
@@ -100,11 +86,12 @@ static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[
 }
 
 json_t *count_result(void) {
+    const uint64_t *counted = tally_counted();
     json_t *functions = json_object(), *classes = json_object();
     uint64_t total[4] = {0}; // paper, machine, useful machine, useful paper FLOPs
-    bool ok = functions && classes && complete;
+    bool ok = functions && classes && counted;
     for (size_t i = 0; ok && i < FLOPS_PARTS; i++)
-        ok = account(i, child(functions, costs[i].function), classes, total);
+        ok = account(i, counted, child(functions, costs[i].function), classes, total);
     if (!ok) {
         json_decref(functions);
         json_decref(classes);

@@ -16,6 +16,7 @@ struct thread_counters {
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct thread_counters *running;
 static uint64_t *ended; // sums of the threads that have ended
+static uint64_t *sums;  // what the region has counted
 static bool short_of_memory;
 
 struct start {
@@ -75,16 +76,30 @@ int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes,
     return error;
 }
 
-bool tally_sum(uint64_t *out, size_t size) {
-    size_t own_size;
-    const uint64_t *own = tally_own(&own_size);
+// Adds the counters of all threads to sums[], times 1 or −1. The other threads must be idle.
+static void add_all(uint64_t times) {
+    size_t size;
+    const uint64_t *own = tally_own(&size);
     pthread_mutex_lock(&lock);
-    for (size_t i = 0; i < size; i++)
-        out[i] = own[i] + (ended ? ended[i] : 0);
+    if (!sums)
+        sums = calloc(size, sizeof *sums);
+    short_of_memory = short_of_memory || !sums;
+    for (size_t i = 0; sums && i < size; i++)
+        sums[i] += times * (own[i] + (ended ? ended[i] : 0));
     for (const struct thread_counters *w = running; w; w = w->next)
-        if (w->counters != own)
-            for (size_t i = 0; i < size; i++)
-                out[i] += w->counters[i];
+        for (size_t i = 0; sums && w->counters != own && i < size; i++)
+            sums[i] += times * w->counters[i];
     pthread_mutex_unlock(&lock);
-    return !short_of_memory;
+}
+
+void count_begin(void) {
+    add_all(-UINT64_C(1));
+}
+
+void count_end(void) {
+    add_all(1);
+}
+
+const uint64_t *tally_counted(void) {
+    return short_of_memory ? NULL : sums;
 }

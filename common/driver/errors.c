@@ -6,10 +6,10 @@
 #include <stdio.h>
 #include <string.h>
 
-int driver_error(int status, const char *format, ...) {
+int program_error(const char *program, int status, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    fputs("render: ", stderr);
+    fprintf(stderr, "%s: ", program);
     vfprintf(stderr, format, arguments);
     fputc('\n', stderr);
     va_end(arguments);

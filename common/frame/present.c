@@ -21,10 +21,12 @@ enum { HALF = 16, CARRY = 1 << HALF, FIRST = 0x3600, LAST = 0x3f80 };
 // Each thread gets at least this many samples: 50 µs of work, about the time that starting it takes.
 enum { SAMPLES_PER_THREAD = 1 << 16, CACHE_LINE_SAMPLES = 64, MAX_THREADS = 64 };
 
-typedef void convert(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown);
+// `from_memory`: the samples are not in the cache.
+typedef void convert(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown,
+                     bool from_memory);
 
 struct presenter {
-    convert *stream, *cached; // for samples in memory; for samples that are in the cache
+    convert *convert;
     int threads;
     struct cpus cpus; // of the process before a phase pins the calling thread
     uint32_t bins[LAST - FIRST + 1];
@@ -55,7 +57,8 @@ static uint32_t threshold(int k) {
 
 // One sample at a time, on every CPU.
 static void convert_scalar(const uint32_t *bins, const float *linear, size_t samples,
-                           uint8_t *shown) {
+                           uint8_t *shown, bool from_memory) {
+    (void)from_memory;
     for (size_t i = 0; i < samples; i++) {
         float c = linear[i], least = from_bits((uint32_t)FIRST << HALF);
         c = c > least ? c : least; // NaN too
@@ -91,9 +94,9 @@ __attribute__((target("avx2"))) static inline __m128i gather_4(const uint32_t *b
                               gather_2(bins, (uint64_t)_mm_extract_epi64(indices, 1)));
 }
 
-__attribute__((target("avx2"))) static inline void convert_8(const uint32_t *bins,
-                                                             const float *linear, size_t samples,
-                                                             uint8_t *shown, bool from_memory) {
+__attribute__((target("avx2"))) static void convert_8(const uint32_t *bins, const float *linear,
+                                                      size_t samples, uint8_t *shown,
+                                                      bool from_memory) {
     const __m256 least = _mm256_castsi256_ps(_mm256_set1_epi32(FIRST << HALF));
     // The third byte of each 32-bit lane, of 128 bits at a time.
     const __m256i bytes = _mm256_broadcastsi128_si256(
@@ -115,13 +118,12 @@ __attribute__((target("avx2"))) static inline void convert_8(const uint32_t *bin
         _mm_storel_epi64((__m128i *)(shown + i), both);
     }
     _mm256_zeroupper(); // see convert_16
-    convert_scalar(bins, linear + i, samples - i, shown + i);
+    convert_scalar(bins, linear + i, samples - i, shown + i, from_memory);
 }
 
-__attribute__((target("avx512f"))) static inline void convert_16(const uint32_t *bins,
-                                                                 const float *linear,
-                                                                 size_t samples, uint8_t *shown,
-                                                                 bool from_memory) {
+__attribute__((target("avx512f"))) static void convert_16(const uint32_t *bins, const float *linear,
+                                                          size_t samples, uint8_t *shown,
+                                                          bool from_memory) {
     const __m512 least = _mm512_castsi512_ps(_mm512_set1_epi32(FIRST << HALF));
     size_t i = 0;
     for (; i + 16 <= samples; i += 16) {
@@ -138,46 +140,22 @@ __attribute__((target("avx512f"))) static inline void convert_16(const uint32_t 
     // upper halves scalar frames took 3 to 10 times as long on Emerald Rapids
     // (tests/c/frame/test_upper_halves.c).
     _mm256_zeroupper();
-    convert_scalar(bins, linear + i, samples - i, shown + i);
-}
-
-__attribute__((target("avx2"))) static void stream_8(const uint32_t *bins, const float *linear,
-                                                     size_t samples, uint8_t *shown) {
-    convert_8(bins, linear, samples, shown, true);
-}
-
-__attribute__((target("avx2"))) static void cached_8(const uint32_t *bins, const float *linear,
-                                                     size_t samples, uint8_t *shown) {
-    convert_8(bins, linear, samples, shown, false);
-}
-
-__attribute__((target("avx512f"))) static void stream_16(const uint32_t *bins, const float *linear,
-                                                         size_t samples, uint8_t *shown) {
-    convert_16(bins, linear, samples, shown, true);
-}
-
-__attribute__((target("avx512f"))) static void cached_16(const uint32_t *bins, const float *linear,
-                                                         size_t samples, uint8_t *shown) {
-    convert_16(bins, linear, samples, shown, false);
+    convert_scalar(bins, linear + i, samples - i, shown + i, from_memory);
 }
 
 #endif
 
 // STEPWISE_ISA_LIMIT hides instruction sets, as for the phases (driver/variant.h).
 static void choose_widest(struct presenter *p) {
-    p->stream = p->cached =
-        convert_scalar; // on aarch64 too, whose vectors have no table words to load
+    p->convert = convert_scalar; // on aarch64 too, whose vectors have no table words to load
 #ifdef __x86_64__
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
     bool none = limit && strcmp(limit, "none") == 0, narrow = limit && strcmp(limit, "avx2") == 0;
     __builtin_cpu_init();
-    if (!none && !narrow && __builtin_cpu_supports("avx512f")) {
-        p->stream = stream_16;
-        p->cached = cached_16;
-    } else if (!none && __builtin_cpu_supports("avx2")) {
-        p->stream = stream_8;
-        p->cached = cached_8;
-    }
+    if (!none && !narrow && __builtin_cpu_supports("avx512f"))
+        p->convert = convert_16;
+    else if (!none && __builtin_cpu_supports("avx2"))
+        p->convert = convert_8;
 #endif
 }
 
@@ -214,7 +192,7 @@ struct part {
 
 static void *present_part(void *data) {
     const struct part *p = data;
-    p->presenter->stream(p->presenter->bins, p->linear, p->samples, p->shown);
+    p->presenter->convert(p->presenter->bins, p->linear, p->samples, p->shown, true);
     return NULL;
 }
 
@@ -232,7 +210,7 @@ static bool start_part(pthread_t *thread, struct part *part) {
 
 void presenter_show(const struct presenter *presenter, const float *linear, size_t samples,
                     uint8_t *shown) {
-    presenter->cached(presenter->bins, linear, samples, shown);
+    presenter->convert(presenter->bins, linear, samples, shown, false);
 }
 
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8) {
@@ -252,7 +230,7 @@ void frame_present(const struct presenter *presenter, const struct frame *frame,
             break;
     }
     size_t at = started * each;
-    presenter->stream(presenter->bins, frame->rgb + at, samples - at, rgb8 + at);
+    presenter->convert(presenter->bins, frame->rgb + at, samples - at, rgb8 + at, true);
     for (size_t i = 0; i < started; i++)
         pthread_join(threads[i], NULL);
 }

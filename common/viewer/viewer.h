@@ -1,7 +1,7 @@
-// The program: its options, what main.c calls, and how both tell errors (error.c).
+// The program: its options, what main.c calls, and how both tell errors.
 #pragma once
 
-#include "driver/errors.h" // the exit statuses
+#include "driver/errors.h"
 
 #include <stdbool.h>
 
@@ -13,8 +13,7 @@ struct viewer_options {
     bool headless;
 };
 
-// Prints "viewer: " and the message as one line on standard error, and returns `status`.
-int viewer_error(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));
+#define viewer_error(...) program_error("viewer", __VA_ARGS__)
 
 // Renders each frame of a script to OUT/NNNNN.png. Returns an exit status.
 int headless_run(const struct viewer_options *options, struct show *show);

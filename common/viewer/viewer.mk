@@ -25,5 +25,5 @@ $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/viewer/*.c common/viewer/*/*.c)): 
 
 # Its sources include the headers of both libraries.
 $(BUILD)/common/viewer/%.o: COMMON_CFLAGS += $(shell pkg-config --cflags libpng $(VIEWER_SDL) 2>/dev/null)
-$(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $$(VIEWER_OBJECTS) $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
+$(BUILD)/viewer: $(VIEWER_PHASES:%=$(BUILD)/%/viewer.o) $$(VIEWER_OBJECTS) $(BUILD)/common/driver/errors.o $(SCENE_OBJECTS) $(BUILD)/common/viewer_parts
 	$(CC) $(SANITIZERS) $(filter %.o,$^) $(LIBS) $(shell pkg-config --libs libpng $(VIEWER_SDL)) -ldl -o $@
