@@ -5,9 +5,12 @@
 #include "sdf.h"
 #include "trace.h"
 
-struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], int *nearest) {
+struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], bool fractals,
+                            int *nearest) {
     struct dd least = dd_from(INFINITY);
     for (int i = 0; i < prepared->model.shape_count; i++) {
+        if (fractals && !is_fractal(prepared->model.shapes[i].type))
+            continue;
         struct dd distance = distance_to(&prepared->solids[i], p);
         if (dd_less(distance, least)) {
             least = distance;
@@ -43,7 +46,7 @@ static struct ivq find_reach(const struct prepared *prepared, const struct ray_q
     int nearest;
     struct dd o[3], d[3], p[3];
     unit_ray(ray, o, d);
-    dd_along(o, distance_to_scene(prepared, o, &nearest), d, p);
+    dd_along(o, distance_to_scene(prepared, o, false, &nearest), d, p);
     return dd_less(dd_norm(p), dd_from(bounds)) ? leave_ball(ray, bounds) : point_q(-1);
 }
 
@@ -112,22 +115,13 @@ static bool march_fractals(const struct prepared *prepared, const struct ray_q *
         dd_along(o, *t, d, p);
         if (step > 0 && dd_norm(p).hi > march->bounds_radius)
             return false;
-        struct dd distance = distance_to_scene(prepared, p, &nearest);
+        struct dd distance = distance_to_scene(prepared, p, false, &nearest);
         hit->evals++;
         if (distance.hi < march->hit_distance &&
             !is_fractal(prepared->model.shapes[nearest].type)) {
             if (t->hi + distance.hi >= limit - march->hit_distance)
                 return false;
-            distance = dd_from(INFINITY);
-            for (int i = 0; i < prepared->model.shape_count; i++) {
-                if (!is_fractal(prepared->model.shapes[i].type))
-                    continue;
-                struct dd own = distance_to(&prepared->solids[i], p);
-                if (dd_less(own, distance)) {
-                    distance = own;
-                    nearest = i;
-                }
-            }
+            distance = distance_to_scene(prepared, p, true, &nearest);
         }
         *t = dd_add(*t, distance);
         *last = distance.hi;

@@ -17,11 +17,11 @@ static void fractal_normal(const struct prepared *prepared, const struct ivq poi
     int nearest;
     for (int i = 0; i < 3; i++)
         p[i] = dd_from_quad(mid_q(point[i]));
-    struct dd here = distance_to_scene(prepared, p, &nearest);
+    struct dd here = distance_to_scene(prepared, p, false, &nearest);
     for (int i = 0; i < 3; i++) {
         struct dd beside[3] = {p[0], p[1], p[2]};
         beside[i] = dd_add(p[i], step);
-        slope[i] = dd_sub(distance_to_scene(prepared, beside, &nearest), here);
+        slope[i] = dd_sub(distance_to_scene(prepared, beside, false, &nearest), here);
     }
     struct dd length = dd_norm(slope);
     for (int i = 0; i < 3; i++) {

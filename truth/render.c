@@ -1,7 +1,5 @@
-// The phase's entry points: camera rays as intervals about the exact rational direction, and tiles that threads share.
+// The phase's entry points: camera rays as intervals about the exact rational direction, and tiles that workers share.
 #include <float.h>
-#include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,6 +8,7 @@
 #include "phase.h"
 #include "sdf.h"
 #include "trace.h"
+#include "workers/workers.h"
 
 enum { TILE = 16 };
 
@@ -81,9 +80,11 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     struct prepared *prepared = calloc(1, sizeof *prepared);
     if (!prepared)
         return NULL;
-    prepared->threads = threads;
     if (prepare(prepared, model))
+        prepared->workers = workers_start(threads, 0);
+    if (prepared->workers)
         return prepared;
+    free(prepared->solids);
     free(prepared);
     return NULL;
 }
@@ -93,6 +94,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 }
 
 void phase_release(struct prepared *prepared) {
+    workers_end(prepared->workers);
     free(prepared->solids);
     free(prepared);
 }
@@ -168,48 +170,39 @@ struct job {
     const struct prepared *prepared;
     const struct view *view;
     struct frame *frame;
-    atomic_int next; // tile
 };
 
-// One thread: renders tiles until none is left.
-static void *render_tiles(void *argument) {
-    struct job *job = argument;
+static int tiles(int pixels) {
+    return (pixels + TILE - 1) / TILE;
+}
+
+static void render_tile(const void *data, int tile, void *scratch) {
+    (void)scratch;
+    const struct job *job = data;
     struct frame *frame = job->frame;
     struct prepared exact = *job->prepared;
     exact.exact = true;
-    int across = (frame->width + TILE - 1) / TILE, down = (frame->height + TILE - 1) / TILE;
-    for (int tile; (tile = atomic_fetch_add(&job->next, 1)) < across * down;) {
-        int left = tile % across * TILE, top = tile / across * TILE;
-        for (int row = top; row < top + TILE && row < frame->height; row++)
-            for (int column = left; column < left + TILE && column < frame->width; column++) {
-                struct ray_q ray;
-                struct shaded result;
-                camera_ray(job->view, frame, column, row, &ray);
-                trace(job->prepared, job->view, &ray, 0, &result);
-                size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
-                store(frame, pixel, &result);
-                if (frame->plane_count > 0 && exact.provable) {
-                    trace(&exact, job->view, &ray, 0, &result);
-                    store_surface(&exact, frame, pixel, &result);
-                } else if (frame->plane_count > 0)
-                    for (int i = PLANE_SURFACE; i <= PLANE_SURFACE_WIDTH; i++)
-                        frame->planes[i][pixel] = 0;
-            }
-    }
-    return NULL;
+    int left = tile % tiles(frame->width) * TILE, top = tile / tiles(frame->width) * TILE;
+    for (int row = top; row < top + TILE && row < frame->height; row++)
+        for (int column = left; column < left + TILE && column < frame->width; column++) {
+            struct ray_q ray;
+            struct shaded result;
+            camera_ray(job->view, frame, column, row, &ray);
+            trace(job->prepared, job->view, &ray, 0, &result);
+            size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
+            store(frame, pixel, &result);
+            if (frame->plane_count > 0 && exact.provable) {
+                trace(&exact, job->view, &ray, 0, &result);
+                store_surface(&exact, frame, pixel, &result);
+            } else if (frame->plane_count > 0)
+                for (int i = PLANE_SURFACE; i <= PLANE_SURFACE_WIDTH; i++)
+                    frame->planes[i][pixel] = 0;
+        }
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     struct job job = {.prepared = prepared, .view = view, .frame = frame};
-    enum { MAX_THREADS = 4096 };
-    pthread_t threads[MAX_THREADS];
-    int started = 0;
-    for (; started < prepared->threads - 1 && started < MAX_THREADS; started++)
-        if (pthread_create(&threads[started], NULL, render_tiles, &job) != 0)
-            break; // the others do its share
-    render_tiles(&job);
-    while (started > 0)
-        pthread_join(threads[--started], NULL);
+    workers_run(prepared->workers, render_tile, &job, tiles(frame->width) * tiles(frame->height));
     return true;
 }
 
@@ -220,7 +213,7 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
         for (int j = 0; j < 3; j++)
             p[j] = dd_from(points[3 * i + (size_t)j]);
         nearest[i] = -1;
-        distance[i] = distance_to_scene(prepared, p, &nearest[i]).hi;
+        distance[i] = distance_to_scene(prepared, p, false, &nearest[i]).hi;
     }
     return true;
 }

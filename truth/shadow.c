@@ -74,7 +74,7 @@ static double estimated_shadow(const struct light_ray *ray) {
     struct dd least = dd_from(1), previous = dd_from(1e20), t = dd_from(ray->start), p[3];
     dd_along(ray->o, t, ray->d, p);
     for (int step = 0; step < model->march.max_steps; step++) {
-        struct dd h = distance_to_scene(ray->prepared, p, &nearest);
+        struct dd h = distance_to_scene(ray->prepared, p, false, &nearest);
         if (h.hi < model->march.hit_distance)
             break;
         struct dd square = dd_sqr(h), y = dd_div(square, dd_twofold(previous, 2));

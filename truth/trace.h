@@ -27,7 +27,7 @@ enum status { UNDECIDED, MARCHED, PROVED };
 struct prepared {
     struct model model;
     struct solid *solids; // of the shapes, then of the nodes
-    int threads;
+    struct workers *workers;
     bool fractals, provable; // provable: there are Mandelbulbs, and no fractal besides
     bool exact;              // hits of Mandelbulbs are proved ones, not a march's
 };
@@ -56,8 +56,9 @@ struct shaded {
     enum status status_all; // the least of all rays that the colour depends on
 };
 
-// Returns the distance to the nearest shape, in double-double, and its index.
-struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], int *nearest);
+// Returns the distance to the nearest shape, in double-double, and its index; `fractals`: of fractals alone.
+struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], bool fractals,
+                            int *nearest);
 
 // Finds the first hit: shape, s, t, point and status. A repeated or rotated shape is solved in its own frame.
 void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);

@@ -112,8 +112,7 @@ struct settings {
     uint64_t seed, vectors;
 };
 
-// What the threads of an error search share. Each takes the next item, adds its errors to its own
-// sums, and these to `errors` at the end.
+// What the threads of an error search share. Each takes the next item and adds its errors to `errors`.
 struct search {
     const struct runnable *all;
     size_t count, items, buffer_size; // entries; items of work; bytes of a thread's buffers

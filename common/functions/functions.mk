@@ -38,5 +38,5 @@ $(FUNCTIONS_PARTS): $(BUILD)/functions/%.o: $(FUNCTIONS)/%.c $(FUNCTIONS_NEEDED)
 	@mkdir -p $(@D)
 	$(FUNCTIONS_CC) -O3 -fno-trapping-math -c $< -o $@
 
-$(BUILD)/functions/bench: $(FUNCTIONS_PARTS) $(FUNCTIONS_SCALAR) $(FUNCTIONS_VECTOR) $(BUILD)/common/timing/timer.o
+$(BUILD)/functions/bench: $(FUNCTIONS_PARTS) $(FUNCTIONS_SCALAR) $(FUNCTIONS_VECTOR) $(BUILD)/common/timing/timer.o $(BUILD)/common/workers/workers.o $(BUILD)/common/workers/cpus.o
 	$(CC) $(SANITIZERS) $^ $(FUNCTIONS_MPFR) -lm -ldl -lpthread -o $@

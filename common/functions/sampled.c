@@ -3,11 +3,11 @@
 // with the C library's double functions.
 #include <math.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "bench.h"
+#include "workers/workers.h"
 
 #ifdef WITH_MPFR
 #include <mpfr.h>
@@ -22,13 +22,6 @@ enum {
     QUICK_DOUBLES = 1 << 12,
     FLOATS = 1 << 24,
     QUICK_FLOATS = 1 << 16
-};
-
-struct shared {
-    const struct search *search;
-    atomic_size_t next;
-    atomic_bool failed;
-    pthread_mutex_t lock;
 };
 
 // Arguments, results, and exact values as hi + lo.
@@ -163,42 +156,30 @@ static void run_item(const struct search *search, size_t item, void *buffers,
         run_block(search, target, false, first - doubles, floats, buffers, errors);
 }
 
-static void *worker(void *argument) {
-    struct shared *shared = argument;
-    const struct search *search = shared->search;
-    void *buffers = aligned_alloc(64, (search->buffer_size + 63) / 64 * 64);
-    struct error *errors = calloc(search->count, sizeof *errors);
-    if (!buffers || !errors)
-        shared->failed = true;
-    for (size_t i; !shared->failed && (i = shared->next++) < search->items;)
-        search->run(search, i, buffers, errors);
-    pthread_mutex_lock(&shared->lock);
-    for (size_t k = 0; !shared->failed && k < search->count; k++)
+// A worker's memory: the buffers, then the errors of its item.
+static void search_item(const void *job, int item, void *scratch) {
+    static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+    const struct search *search = job;
+    struct error *errors = (struct error *)((char *)scratch + search->buffer_size);
+    search->run(search, (size_t)item, scratch, errors);
+    pthread_mutex_lock(&lock);
+    for (size_t k = 0; k < search->count; k++)
         error_add(&search->errors[k], &errors[k]);
-    pthread_mutex_unlock(&shared->lock);
-    free(errors);
-    free(buffers);
+    pthread_mutex_unlock(&lock);
+    memset(errors, 0, search->count * sizeof *errors);
 #ifdef WITH_MPFR
     mpfr_free_cache(); // each thread has its own
 #endif
-    return NULL;
 }
 
 bool search_in_threads(const struct search *search) {
-    struct shared shared = {.search = search};
-    int wanted = search->settings->threads, started = 0;
-    pthread_t *threads = calloc((size_t)wanted, sizeof *threads);
-    if (!threads)
+    size_t scratch_size = search->count * sizeof *search->errors + search->buffer_size;
+    struct workers *workers = workers_start(search->settings->threads, scratch_size);
+    if (!workers)
         return false;
-    pthread_mutex_init(&shared.lock, NULL);
-    while (started < wanted - 1 && pthread_create(&threads[started], NULL, worker, &shared) == 0)
-        started++;
-    worker(&shared);
-    for (int i = 0; i < started; i++)
-        pthread_join(threads[i], NULL);
-    pthread_mutex_destroy(&shared.lock);
-    free(threads);
-    return !shared.failed;
+    workers_run(workers, search_item, search, (int)search->items);
+    workers_end(workers);
+    return true;
 }
 
 bool measure_sampled(const struct runnable *all, size_t count, const struct settings *settings,

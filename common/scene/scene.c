@@ -19,10 +19,6 @@ static const char *const SHADOW_NAMES[] = {"none", "hard", "soft", "ideal"};
 
 enum { SHADOWS_COUNT = sizeof SHADOW_NAMES / sizeof *SHADOW_NAMES };
 
-const char *shadows_name(enum shadows shadows) {
-    return SHADOW_NAMES[shadows];
-}
-
 static void read_camera(struct reader *r, json_t *root, struct view *view, struct flight *flight) {
     json_t *camera = reader_member(r, root, "camera", JSON_OBJECT, "an object");
     if (!camera)

@@ -222,6 +222,5 @@ void model_move(const struct model *model, double seconds, struct model *moved);
 // through look_at, or to where the camera looks along `up`: the view is then of no use.
 enum aim scene_view(const struct scene *scene, double seconds, struct view *view);
 
-// Names as in scene files.
+// The name as in scene files.
 const char *shape_type_name(enum shape_type type);
-const char *shadows_name(enum shadows shadows);

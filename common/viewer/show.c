@@ -20,7 +20,6 @@ bool show_resize(struct show *show, int width, int height) {
             return false;
         *pictures[i] = picture;
     }
-    show->capacity = pixels;
     return true;
 }
 

@@ -18,7 +18,6 @@ struct show {
     struct canvas canvas;
     struct presenter *presenter;
     uint8_t *left8, *right8, *difference8; // the painted pictures
-    size_t capacity;                       // pixels of each
 };
 
 // Makes the canvas. Returns false if memory is short.
