@@ -36,30 +36,11 @@ struct ray_stream {
     bool available; // always false
 };
 
-static inline bool ray_stream_create(struct ray_stream *s, RTCDevice device, size_t room) {
-    (void)device, (void)room;
-    *s = (struct ray_stream){false};
-    return true;
-}
-
-static inline void ray_stream_put(struct ray_stream *s, size_t i, const float at[6], float far) {
-    (void)s, (void)i, (void)at, (void)far;
-}
-
-static inline void ray_stream_get(const struct ray_stream *s, size_t i, float *t,
-                                  unsigned *geometry, unsigned *primitive) {
-    (void)s, (void)i, (void)t, (void)geometry, (void)primitive;
-}
-
-static inline void ray_stream_trace(const struct ray_stream *s, RTCScene scene,
-                                    struct query_arguments *query_arguments, size_t count,
-                                    bool any) {
-    (void)s, (void)scene, (void)query_arguments, (void)count, (void)any;
-}
-
-static inline void ray_stream_free(struct ray_stream *s) {
-    (void)s;
-}
+#define ray_stream_create(stream, device, room) true
+#define ray_stream_put(...) ((void)0)
+#define ray_stream_get(...) ((void)0)
+#define ray_stream_trace(...) ((void)0)
+#define ray_stream_free(...) ((void)0)
 #else
 struct query_arguments {
     struct RTCIntersectContext context;

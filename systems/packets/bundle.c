@@ -20,10 +20,6 @@ struct frustum {
     float far;               // no ray goes farther
 };
 
-static inline float most_lane(vfloat a) {
-    return v_reduce_max(a);
-}
-
 // Sets the range of a field over all rays.
 static inline void range_of(const struct ray_batch *b, const float *const field, float *lo,
                             float *hi) {
@@ -34,8 +30,8 @@ static inline void range_of(const struct ray_batch *b, const float *const field,
         least = v_select(active, v_min(a, least), least);
         most = v_select(active, v_max(a, most), most);
     }
-    *lo = least_lane(least);
-    *hi = most_lane(most);
+    *lo = v_reduce_min(least);
+    *hi = v_reduce_max(most);
 }
 
 // Returns the greatest t of all rays, or 0.
@@ -43,7 +39,7 @@ static inline float farthest_hit(const struct query *q) {
     vfloat most = v_splat(-INFINITY);
     for (int i = 0; i < q->batch->count; i += LANES)
         most = v_select(active_lanes(q->batch, i / LANES), v_max(v_load(q->t + i), most), most);
-    return float_max(most_lane(most), 0.0f);
+    return float_max(v_reduce_max(most), 0.0f);
 }
 
 // A direction's least component along the axis. With less, slopes about it are no narrow bound.
@@ -90,8 +86,8 @@ static bool bundle_frustum(const struct query *q, struct frustum *f) {
         }
     }
     for (int k = 0; k < 2; k++) {
-        f->least[k] = least_lane(least[k]);
-        f->most[k] = most_lane(most[k]);
+        f->least[k] = v_reduce_min(least[k]);
+        f->most[k] = v_reduce_max(most[k]);
         f->least[k] -= 1e-6f * (1 + fabsf(f->least[k]));
         f->most[k] += 1e-6f * (1 + fabsf(f->most[k]));
     }
@@ -146,22 +142,6 @@ static inline vmask boxes_in_frustum(const struct frustum *f, const vfloat lo[3]
     return in;
 }
 
-// Returns whether the frustum meets one box.
-static bool box_in_frustum(const struct frustum *f, const struct box *cell) {
-    int k = f->axis;
-    float first = f->back ? f->lo[k] - cell->hi[k] : cell->lo[k] - f->hi[k];
-    float last = f->back ? f->hi[k] - cell->lo[k] : cell->hi[k] - f->lo[k];
-    first = float_max(first, 0);
-    bool in = last >= 0 && f->far * f->max_along >= first;
-    for (int side = 0; side < 2; side++) {
-        int u = f->side[side];
-        float top = float_max(f->most[side] * first, f->most[side] * last) + f->hi[u];
-        float low = float_min(f->least[side] * first, f->least[side] * last) + f->lo[u];
-        in = in && top >= cell->lo[u] && cell->hi[u] >= low;
-    }
-    return in;
-}
-
 // Tests a packet against solid i of its type.
 static inline void intersect_solid(const struct query *q, enum solid type, int i, int packet) {
     const struct ray_batch *b = q->batch;
@@ -182,11 +162,9 @@ static inline void intersect_solid(const struct query *q, enum solid type, int i
         v_store(v_select(met, v_splat(-INFINITY), best), q->t + first);
         return;
     }
-    vfloat t, shape = v_load(q->shape + first);
+    vfloat t;
     met = entry_distance(met, in, out, o, type, arrays, i, LANE_RAYS, &t);
-    met = v_and(met, v_or(v_cmp_lt(t, best), v_and(v_cmp_eq(t, best), v_cmp_lt(mine, shape))));
-    v_store(v_select(met, t, best), q->t + first);
-    v_store(v_select(met, mine, shape), q->shape + first);
+    take_nearer(q, first, met, t, mine);
 }
 
 static inline void intersect_leaf_type(const struct query *q, enum solid type,
@@ -259,7 +237,12 @@ static void traverse_kd_bundle(const struct query *q, struct frustum *f) {
     while (count > 0) {
         int number = stack[--count].node;
         struct box cell = stack[count].cell;
-        if (!box_in_frustum(f, &cell))
+        vfloat lo[3], hi[3], begin;
+        for (int k = 0; k < 3; k++) {
+            lo[k] = v_splat(cell.lo[k]);
+            hi[k] = v_splat(cell.hi[k]);
+        }
+        if (!v_any(boxes_in_frustum(f, lo, hi, &begin)))
             continue;
         const struct kd_node *node = &tree->kd[number];
         if (node->axis == 3) {

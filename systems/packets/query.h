@@ -13,12 +13,17 @@ struct query {
     bool newton;
 };
 
-static inline float least_lane(vfloat a) {
-    return v_reduce_min(a);
-}
-
 static inline vmask active_lanes(const struct ray_batch *b, int packet) {
     return v_mask_first(b->count - packet * LANES);
+}
+
+// Takes hits at t of the shape `mine`, of the rays from `first` on, where they are nearer: of equal distances that of the
+// lower index.
+static inline void take_nearer(const struct query *q, int first, vmask met, vfloat t, vfloat mine) {
+    vfloat best = v_load(q->t + first), shape = v_load(q->shape + first);
+    met = v_and(met, v_or(v_cmp_lt(t, best), v_and(v_cmp_eq(t, best), v_cmp_lt(mine, shape))));
+    v_store(v_select(met, t, best), q->t + first);
+    v_store(v_select(met, mine, shape), q->shape + first);
 }
 
 // A child that waits on the traversal's stack, the nearest on top.

@@ -39,9 +39,9 @@ static inline void intersect_solids_single(const struct query *q, enum solid typ
         if (!v_any(met))
             continue;
         t = v_select(met, t, v_splat(INFINITY));
-        float least = least_lane(t);
-        float whose =
-            least_lane(v_select(v_and(met, v_cmp_eq(t, v_splat(least))), index, v_splat(INFINITY)));
+        float least = v_reduce_min(t);
+        float whose = v_reduce_min(
+            v_select(v_and(met, v_cmp_eq(t, v_splat(least))), index, v_splat(INFINITY)));
         if (is_nearer(least, whose, r->t, r->shape)) {
             r->t = least;
             r->shape = whose;

@@ -30,10 +30,7 @@ static void intersect_plane(const struct query *q, int index, int packet, vmask 
     vfloat t = height / (zero - slope);
     t = v_select(under, height, t);
     vmask met = v_and(active, v_or(under, v_cmp_lt(slope, zero)));
-    vfloat shape = v_load(q->shape + first), mine = v_splat((float)index);
-    met = v_and(met, v_or(v_cmp_lt(t, best), v_and(v_cmp_eq(t, best), v_cmp_lt(mine, shape))));
-    v_store(v_select(met, t, best), q->t + first);
-    v_store(v_select(met, mine, shape), q->shape + first);
+    take_nearer(q, first, met, t, v_splat((float)index));
 }
 
 // Returns what rounding may move a plane of a box by.

@@ -1,19 +1,7 @@
 // Float arithmetic in lanes, in place of fixed_simd's fixed point: tile.c is the same. A float has its own exponent, so
 // a shift that brings a fixed-point product back to the format does nothing here. Lengths are in scene units.
-//
-// From common/simd, lane by lane:
-//     vnum  vmask               floats; which lanes
-//     v_splat(a)  v_iota()      a in each lane; 0, 1, 2 … from the first lane on
-//     v_add  v_sub  v_mul_wide  sum, difference, product
-//     v_cmp_lt  v_positive      a < b; a > 0; false for NaN
-//     v_and  v_or  v_andnot     of masks; v_andnot(a, b): b where not a
-//     v_any(m)  v_count(m)  v_mask_lane(m, i)  v_mask_first(n)
-//     v_select(m, yes, no)      yes where m, else no
-//     v_lookup(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
-//     v_load(p)  v_store_float(a, scale, p)  v_store_double: stored times scale
-// From this file:
-//     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z by fused products
-//     v_root(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
+// The words are those of systems/fixed/number/number.h. v_dot is of fused products; v_cmp_lt and v_positive are false
+// for NaN.
 #pragma once
 
 #include <math.h>

@@ -145,38 +145,19 @@ static inline vnum v_iota(void) {
     return v_load(places);
 }
 
-static inline vnum v_add(vnum x, vnum y) {
-    return (vnum)PAIR(OP(add_epi64), x, y);
-}
-
-static inline vnum v_sub(vnum x, vnum y) {
-    return (vnum)PAIR(OP(sub_epi64), x, y);
-}
-
-static inline vnum v_mul_wide(vnum x, vnum y) {
-    return (vnum)PAIR(OP(mul_epi32), x, y);
-}
-
-static inline vnum v_and_bits(vnum x, vnum y) {
-    return (vnum)PAIR(BITS(and), x, y);
-}
-
-static inline vnum v_or_bits(vnum x, vnum y) {
-    return (vnum)PAIR(BITS(or), x, y);
-}
-
+#define ON_BOTH(name, op)                                                                          \
+    static inline vnum name(vnum x, vnum y) {                                                      \
+        return (vnum)PAIR(op, x, y);                                                               \
+    }
+ON_BOTH(v_add, OP(add_epi64))
+ON_BOTH(v_sub, OP(sub_epi64))
+ON_BOTH(v_mul_wide, OP(mul_epi32))
+ON_BOTH(v_and_bits, BITS(and))
+ON_BOTH(v_or_bits, BITS(or))
 // v_sra, v_srav keep the sign; the other shifts move bits. By more than 63 bits or less than 0 nothing is left.
-static inline vnum v_srav(vnum x, vnum y) {
-    return (vnum)PAIR(sra_half, x, y);
-}
-
-static inline vnum v_sllv(vnum x, vnum y) {
-    return (vnum)PAIR(OP(sllv_epi64), x, y);
-}
-
-static inline vnum v_srlv(vnum x, vnum y) {
-    return (vnum)PAIR(OP(srlv_epi64), x, y);
-}
+ON_BOTH(v_srav, sra_half)
+ON_BOTH(v_sllv, OP(sllv_epi64))
+ON_BOTH(v_srlv, OP(srlv_epi64))
 
 static inline vnum v_sra(vnum x, int by) {
     return v_srav(x, v_splat(by));
@@ -216,17 +197,13 @@ static inline vmask v_cmp_lt(vnum x, vnum y) {
     return (vmask)PAIR(lt_half, x, y);
 }
 
-static inline vmask v_and(vmask x, vmask y) {
-    return (vmask)PAIR(and_mask, x, y);
-}
-
-static inline vmask v_or(vmask x, vmask y) {
-    return (vmask)PAIR(or_mask, x, y);
-}
-
-static inline vmask v_andnot(vmask x, vmask y) {
-    return (vmask)PAIR(andnot_mask, x, y);
-}
+#define ON_BOTH_MASKS(name, op)                                                                    \
+    static inline vmask name(vmask x, vmask y) {                                                   \
+        return (vmask)PAIR(op, x, y);                                                              \
+    }
+ON_BOTH_MASKS(v_and, and_mask)
+ON_BOTH_MASKS(v_or, or_mask)
+ON_BOTH_MASKS(v_andnot, andnot_mask)
 
 static inline vnum v_select(vmask m, vnum yes, vnum no) {
     return (vnum){select_half(m.a, yes.a, no.a), select_half(m.b, yes.b, no.b)};
