@@ -2,7 +2,6 @@
 // (bulb/); in the other pictures a fractal is marched (J. C. Hart, "Sphere tracing", The
 // Visual Computer 12 (1996)) with the scene's own hit distance and steps.
 #include "bulb/bulb_hit.h"
-#include "sdf.h"
 #include "trace.h"
 
 struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], bool fractals,

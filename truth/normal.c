@@ -1,6 +1,5 @@
 // The normal at a hit, enclosed: the gradient of the surface's equation at the enclosed point.
 #include "groups/field.h"
-#include "sdf.h"
 #include "trace.h"
 
 static void normalize(struct ivq v[3]) {

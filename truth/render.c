@@ -4,9 +4,8 @@
 #include <string.h>
 
 #include "bulb/bulb_hit.h"
-#include "number/angles.h"
+#include "number/sine.h"
 #include "phase.h"
-#include "sdf.h"
 #include "trace.h"
 #include "workers/workers.h"
 

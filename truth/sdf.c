@@ -2,7 +2,7 @@
 // I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's
 // power-8 map, I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb). Mandelbox: T. Lowe (fractalforums.com,
 // 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com, 2010).
-#include "sdf.h"
+#include "trace.h"
 
 static struct dd sdf_sphere(const struct dd p[3], const struct shape *shape) {
     return dd_sub(dd_norm(p), dd_from(shape->sphere.radius));

@@ -2,7 +2,6 @@
 // shadow.
 #include "bulb/bulb_hit.h"
 #include "groups/field.h"
-#include "sdf.h"
 #include "trace.h"
 
 struct light_ray {

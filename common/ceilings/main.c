@@ -25,7 +25,6 @@
 #include <string.h>
 
 #include "measure.h"
-#include "report.h"
 #include "timing/timer.h"
 
 int main(int argc, char **argv) {

@@ -39,3 +39,6 @@ enum status ceilings_prepare(struct ceilings *all);
 // Takes `samples` samples of each kernel, in rounds. Returns OK, or WRONG_WORK after printing which
 // kernel's results are wrong.
 enum status ceilings_measure(struct ceilings *all, int samples);
+
+// report.c: prints one JSON object (fields: results/README.md). `begin`: timer_ns at the program's start.
+void report_json(struct ceilings *all, uint64_t begin);

@@ -1,5 +1,5 @@
-// See report.h.
-#include "report.h"
+// Prints measured ceilings on standard output.
+#include "measure.h"
 
 #include <stdio.h>
 

@@ -1,7 +1,6 @@
 // Counts executions of each basic block of the phase, for build/NAME/render-blocks. The phase's own
 // code raises the counters: scripts/study/counting/assembly.py inserts the instructions. table.json beside
 // the program says which block each counter belongs to.
-#include <stdbool.h>
 #include <stdlib.h>
 
 #include "blocks_table.h"

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "scene/internal.h"
+#include "scene/words.h"
 
 static const double MAX_SLOPE = 1000, FARTHEST = 1e12;
 static const char *const MODIFIERS[] = {"shell", "mirror", "displace", "twist", "offset"};
@@ -75,11 +76,10 @@ static void read_operation(struct reader *r, json_t *object, struct node *node) 
                                  "\"union\", \"intersection\" or \"difference\"");
     if (!name)
         return;
-    node->operation = NODE_SHAPE;
-    for (int i = 0; i < 3; i++)
-        if (strcmp(json_string_value(name), names[i]) == 0)
-            node->operation = (enum operation)(NODE_UNION + i);
-    if (node->operation == NODE_SHAPE)
+    int found;
+    if (word_among(json_string_value(name), names, 3, &found))
+        node->operation = (enum operation)(NODE_UNION + found);
+    else
         reader_fail(r, "operation",
                     "\"%.80s\" is not one of \"union\", \"intersection\", \"difference\"",
                     json_string_value(name));

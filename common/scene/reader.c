@@ -74,12 +74,18 @@ void reader_only_keys(struct reader *r, json_t *object, const char *const *known
     }
 }
 
-json_t *reader_member(struct reader *r, json_t *object, const char *key, json_type type,
-                      const char *wanted) {
+// Returns the member, or NULL after an error.
+static json_t *present(struct reader *r, json_t *object, const char *key, const char *wanted) {
     json_t *value = json_object_get(object, key);
     if (!value)
         reader_fail(r, key, "missing; %s is required", wanted);
-    else if (json_typeof(value) != type) {
+    return value;
+}
+
+json_t *reader_member(struct reader *r, json_t *object, const char *key, json_type type,
+                      const char *wanted) {
+    json_t *value = present(r, object, key, wanted);
+    if (value && json_typeof(value) != type) {
         reader_fail(r, key, "%s where %s is required", reader_kind(value), wanted);
         value = NULL;
     }
@@ -115,20 +121,14 @@ static double checked(struct reader *r, const char *key, json_t *value, enum ran
 }
 
 double reader_number(struct reader *r, json_t *object, const char *key, enum range range) {
-    json_t *value = json_object_get(object, key);
-    if (!value) {
-        reader_fail(r, key, "missing; a number is required");
-        return 1;
-    }
-    return checked(r, key, value, range);
+    json_t *value = present(r, object, key, "a number");
+    return value ? checked(r, key, value, range) : 1;
 }
 
 int reader_whole(struct reader *r, json_t *object, const char *key, int lowest, int highest) {
-    json_t *value = json_object_get(object, key);
-    if (!value) {
-        reader_fail(r, key, "missing; a whole number is required");
+    json_t *value = present(r, object, key, "a whole number");
+    if (!value)
         return lowest;
-    }
     if (!json_is_number(value)) {
         reader_fail(r, key, "%s where a whole number is required", reader_kind(value));
         return lowest;
@@ -148,14 +148,12 @@ int reader_whole(struct reader *r, json_t *object, const char *key, int lowest, 
 bool reader_vector(struct reader *r, json_t *object, const char *key, enum range range,
                    double out[3]) {
     json_t *value = json_object_get(object, key);
-    if (!value) {
+    if (!value)
         reader_fail(r, key, "missing; three numbers are required");
-        return false;
-    }
-    if (!json_is_array(value) || json_array_size(value) != 3) {
-        if (json_is_array(value))
+    if (!value || !json_is_array(value) || json_array_size(value) != 3) {
+        if (value && json_is_array(value))
             reader_fail(r, key, "%zu numbers where exactly 3 are required", json_array_size(value));
-        else
+        else if (value)
             reader_fail(r, key, "%s where an array of 3 numbers is required", reader_kind(value));
         return false;
     }

@@ -10,6 +10,7 @@
 
 #include "scene/internal.h"
 #include "scene/vector.h"
+#include "scene/words.h"
 
 // Bounces are limited because phases recurse: two facing mirrors would exhaust the stack. Each bounce
 // adds at most a tenth of the one before, so that 16 already reach double precision.
@@ -57,11 +58,8 @@ static void read_light(struct reader *r, json_t *root, struct scene *scene) {
                                     "\"soft\", \"ideal\", \"hard\" or \"none\"");
     if (shadows) {
         const char *text = json_string_value(shadows);
-        int found = -1;
-        for (int i = 0; i < SHADOWS_COUNT; i++)
-            if (strcmp(text, SHADOW_NAMES[i]) == 0)
-                found = i;
-        if (found < 0)
+        int found;
+        if (!word_among(text, SHADOW_NAMES, SHADOWS_COUNT, &found))
             reader_fail(r, "shadows",
                         "\"%.80s\" is not one of \"soft\", \"ideal\", \"hard\", \"none\"", text);
         else

@@ -34,15 +34,14 @@ static inline vfloat v_madd_where(vmask m, vfloat a, vfloat b, vfloat c) {
     return v_select(m, a * b + c, a);
 }
 
-static inline float v_reduce_min(vfloat a) {
-    a = _mm_min_ps(a, _mm_movehl_ps(a, a));
-    return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
-}
-
-static inline float v_reduce_max(vfloat a) {
-    a = _mm_max_ps(a, _mm_movehl_ps(a, a));
-    return _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps(a, a, 1)));
-}
+#define REDUCTION(name)                                                                            \
+    static inline float v_reduce_##name(vfloat a) {                                                \
+        a = _mm_##name##_ps(a, _mm_movehl_ps(a, a));                                               \
+        return _mm_cvtss_f32(_mm_##name##_ss(a, _mm_shuffle_ps(a, a, 1)));                         \
+    }
+REDUCTION(min)
+REDUCTION(max)
+#undef REDUCTION
 
 static inline vfloat v_max_of_lanes(vfloat a) {
     a = v_max(a, _mm_shuffle_ps(a, a, 0x4e));

@@ -43,17 +43,15 @@ static inline vfloat v_madd_where(vmask m, vfloat a, vfloat b, vfloat c) {
     return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.bits);
 }
 
-static inline float v_reduce_min(vfloat a) {
-    __m128 b = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
-    b = _mm_min_ps(b, _mm_movehl_ps(b, b));
-    return _mm_cvtss_f32(_mm_min_ss(b, _mm_movehdup_ps(b)));
-}
-
-static inline float v_reduce_max(vfloat a) {
-    __m128 b = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
-    b = _mm_max_ps(b, _mm_movehl_ps(b, b));
-    return _mm_cvtss_f32(_mm_max_ss(b, _mm_movehdup_ps(b)));
-}
+#define REDUCTION(name)                                                                            \
+    static inline float v_reduce_##name(vfloat a) {                                                \
+        __m128 b = _mm_##name##_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));        \
+        b = _mm_##name##_ps(b, _mm_movehl_ps(b, b));                                               \
+        return _mm_cvtss_f32(_mm_##name##_ss(b, _mm_movehdup_ps(b)));                              \
+    }
+REDUCTION(min)
+REDUCTION(max)
+#undef REDUCTION
 
 static inline vfloat v_max_of_lanes(vfloat a) {
     a = v_max(a, _mm256_permute2f128_ps(a, a, 1));

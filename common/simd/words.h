@@ -18,6 +18,40 @@ static inline float v_lane0(vfloat a) {
     return MM(cvtss_f32)(a);
 }
 
+// A word of one, two or three operands that is an intrinsic.
+#define WORD_1(type, name, of)                                                                     \
+    static inline type name(type a) {                                                              \
+        return MM(of)(a);                                                                          \
+    }
+#define WORD_2(type, name, of)                                                                     \
+    static inline type name(type a, type b) {                                                      \
+        return MM(of)(a, b);                                                                       \
+    }
+#define WORD_3(type, name, of)                                                                     \
+    static inline type name(type a, type b, type c) {                                              \
+        return MM(of)(a, b, c);                                                                    \
+    }
+WORD_1(vfloat, v_sqrt, sqrt_ps)
+WORD_2(vfloat, v_min, min_ps)
+WORD_2(vfloat, v_max, max_ps)
+#if LANES != 4
+WORD_1(vfloat, v_floor, floor_ps)
+WORD_3(vfloat, v_madd, fmadd_ps)
+WORD_3(vfloat, v_nmadd, fnmadd_ps)
+WORD_3(vfloat, v_msub, fmsub_ps)
+WORD_1(vhalf, v_half_sqrt, sqrt_pd)
+WORD_1(vhalf, v_half_floor, floor_pd)
+WORD_3(vhalf, v_half_madd, fmadd_pd)
+WORD_3(vhalf, v_half_nmadd, fnmadd_pd)
+#endif
+#if LANES != 16
+WORD_1(vfloat, v_rsqrt_approx, rsqrt_ps)
+WORD_1(vfloat, v_rcp_approx, rcp_ps)
+#endif
+#undef WORD_1
+#undef WORD_2
+#undef WORD_3
+
 #define COMPARISON(name, predicate)                                                                \
     static inline vmask v_cmp_##name(vfloat a, vfloat b) {                                         \
         return (vmask){COMPARED(name, predicate)};                                                 \
@@ -49,17 +83,14 @@ static inline unsigned v_mask_bits(vmask a) {
     return (unsigned)MM(movemask_ps)(a.bits);
 }
 
-static inline vmask v_and(vmask a, vmask b) {
-    return (vmask){MM(and_ps)(a.bits, b.bits)};
-}
-
-static inline vmask v_or(vmask a, vmask b) {
-    return (vmask){MM(or_ps)(a.bits, b.bits)};
-}
-
-static inline vmask v_andnot(vmask a, vmask b) {
-    return (vmask){MM(andnot_ps)(a.bits, b.bits)};
-}
+#define OF_MASKS(name, of)                                                                         \
+    static inline vmask name(vmask a, vmask b) {                                                   \
+        return (vmask){MM(of)(a.bits, b.bits)};                                                    \
+    }
+OF_MASKS(v_and, and_ps)
+OF_MASKS(v_or, or_ps)
+OF_MASKS(v_andnot, andnot_ps)
+#undef OF_MASKS
 
 static inline vfloat v_select_or_zero(vmask m, vfloat a) {
     return MM(and_ps)(m.bits, a);
@@ -75,14 +106,6 @@ static inline vfloat v_negate_where(vmask m, vfloat a) {
 
 static inline vfloat v_add_where(vmask m, vfloat a, vfloat b) {
     return a + v_select_or_zero(m, b);
-}
-
-static inline vfloat v_rsqrt_approx(vfloat a) {
-    return MM(rsqrt_ps)(a);
-}
-
-static inline vfloat v_rcp_approx(vfloat a) {
-    return MM(rcp_ps)(a);
 }
 
 static inline vfloat v_mantissa_near_1(vfloat a, vfloat *exponent) {
@@ -106,24 +129,12 @@ COMPARISON_IN(ngt, _CMP_NGT_UQ)
 COMPARISON_IN(nge, _CMP_NGE_UQ)
 #undef COMPARISON_IN
 
-static inline vfloat v_min(vfloat a, vfloat b) {
-    return MM(min_ps)(a, b);
-}
-
-static inline vfloat v_max(vfloat a, vfloat b) {
-    return MM(max_ps)(a, b);
-}
-
 static inline vfloat v_abs(vfloat a) {
     return MM(andnot_ps)(v_splat(-0.0f), a);
 }
 
 static inline vfloat v_copysign(vfloat a, vfloat from) {
     return MM(or_ps)(MM(and_ps)(v_splat(-0.0f), from), v_abs(a));
-}
-
-static inline vfloat v_sqrt(vfloat a) {
-    return MM(sqrt_ps)(a);
 }
 
 static inline vfloat v_exponent(vfloat a) {
@@ -147,40 +158,8 @@ static inline vfloat v_pow2_unit(vfloat a) {
 }
 
 #if LANES != 4
-static inline vfloat v_floor(vfloat a) {
-    return MM(floor_ps)(a);
-}
-
-static inline vfloat v_madd(vfloat a, vfloat b, vfloat c) {
-    return MM(fmadd_ps)(a, b, c);
-}
-
-static inline vfloat v_nmadd(vfloat a, vfloat b, vfloat c) {
-    return MM(fnmadd_ps)(a, b, c);
-}
-
-static inline vfloat v_msub(vfloat a, vfloat b, vfloat c) {
-    return MM(fmsub_ps)(a, b, c);
-}
-
 static inline vhalf v_half_splat(double a) {
     return MM(set1_pd)(a);
-}
-
-static inline vhalf v_half_madd(vhalf a, vhalf b, vhalf c) {
-    return MM(fmadd_pd)(a, b, c);
-}
-
-static inline vhalf v_half_nmadd(vhalf a, vhalf b, vhalf c) {
-    return MM(fnmadd_pd)(a, b, c);
-}
-
-static inline vhalf v_half_sqrt(vhalf a) {
-    return MM(sqrt_pd)(a);
-}
-
-static inline vhalf v_half_floor(vhalf a) {
-    return MM(floor_pd)(a);
 }
 
 static inline void v_store_or_stream(float *to, bool stream, vfloat a) {

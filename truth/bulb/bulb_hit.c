@@ -1,7 +1,6 @@
 // First hits of the Mandelbulb, proved by balls: J. C. Hart, D. J. Sandin, L. H. Kauffman, "Ray tracing deterministic
 // 3-D fractals", SIGGRAPH 1989, for the map's Lipschitz bound; here it is the Jacobian's norm over a ball.
 #include "bulb/bulb_hit.h"
-#include "sdf.h"
 
 enum { MOST_BALLS = 200000 };
 static const double WIDEST =

@@ -1,7 +1,7 @@
 // Distances of shapes and groups in double-double, for the shadow's estimator and marches; a group's field is as scene.h
 // defines it. The smooth minimum by C. Michelot's method (J. Optim. Theory Appl. 50 (1986)).
 #include "groups/field.h"
-#include "sdf.h"
+#include "trace.h"
 
 static struct dd capsule(const struct dd p[3], const struct shape *shape) {
     struct dd end = dd_from(shape->capsule.half_height), q[3] = {p[0], p[1], p[2]};

@@ -1,7 +1,5 @@
 // Sine and cosine of an angle in degrees as quad intervals. The angle is reduced exactly, in degrees, to at most 45, then
 // both come from their alternating series. libm would round π/180 first, and its rounding has no direction.
-#include "number/angles.h"
-
 #include "number/sine.h"
 
 void sine_cosine_q(double degrees, struct ivq *sine, struct ivq *cosine) {

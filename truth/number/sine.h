@@ -4,6 +4,9 @@
 
 #include "number/interval.h"
 
+// angles.c: encloses sine and cosine of the exact angle. Quarter turns give points.
+void sine_cosine_q(double degrees, struct ivq *sine, struct ivq *cosine);
+
 static inline struct ivd pi_d(void) {
     return (struct ivd){0x1.921fb54442d18p+1, 0x1.921fb54442d19p+1};
 }

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "scene/scene.h"
-#include "viewer/picture/font.h"
 #include "viewer/picture/picture.h"
 
 void canvas_scale(struct canvas *canvas, const uint8_t *rgb8, int width, int height, int from,

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "scene/words.h"
+
 static const char *const MODE_NAMES[MODES] = {"colours", "difference", "evals",
                                               "depth",   "normals",    "ids"};
 
@@ -14,9 +16,8 @@ const char *mode_name(enum mode mode) {
 }
 
 enum mode mode_find(const char *name) {
-    int mode = 0;
-    while (mode < MODES && strcmp(name, MODE_NAMES[mode]) != 0)
-        mode++;
+    int mode; // MODES: there is none
+    word_among(name, MODE_NAMES, MODES, &mode);
     return (enum mode)mode;
 }
 

@@ -27,6 +27,10 @@ double picture_psnr(const struct frame *a, const struct frame *b);
 // One line about the mode's numbers in this frame, for the overlay.
 void picture_legend(enum mode mode, const struct frame *frame, char *text, size_t size);
 
+enum { FONT_LINE = 10 }; // height of a line
+// font.c: returns a column, 0 to 4, of an ASCII character: bit 0 is the top row, bit 7 is below the base line.
+unsigned font_column(char character, int column);
+
 // What is shown: 0xRRGGBB per pixel, rows from top to bottom.
 struct canvas {
     int width, height;

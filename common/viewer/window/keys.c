@@ -1,6 +1,5 @@
 // What keys and mouse do. docs/view.md lists them.
 #include <math.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "viewer/script.h"

@@ -20,24 +20,23 @@ static inline vnum v_iota(void) {
     return 0;
 }
 
-static inline vnum v_add(vnum a, vnum b) {
-    return a + b;
-}
-
-static inline vnum v_sub(vnum a, vnum b) {
-    return a - b;
-}
-
-static inline vnum v_mul_wide(vnum a, vnum b) {
-    return (int64_t)(int32_t)a * (int32_t)b;
-}
+#define OF_TWO(result, name, type, expression)                                                     \
+    static inline result name(type a, type b) {                                                    \
+        return expression;                                                                         \
+    }
+OF_TWO(vnum, v_add, vnum, a + b)
+OF_TWO(vnum, v_sub, vnum, a - b)
+OF_TWO(vnum, v_mul_wide, vnum, (int64_t)(int32_t)a *(int32_t)b)
+OF_TWO(vnum, v_and_bits, vnum, a &b)
+OF_TWO(vnum, v_or_bits, vnum, a | b)
+OF_TWO(vnum, v_srav, vnum, a >> b)
+OF_TWO(vmask, v_cmp_lt, vnum, a < b)
+OF_TWO(vmask, v_and, vmask, a &&b)
+OF_TWO(vmask, v_or, vmask, a || b)
+OF_TWO(vmask, v_andnot, vmask, !a && b)
 
 // v_sra, v_srav keep the sign; the other shifts move bits. By more than 63 bits or less than 0 nothing is left.
 static inline vnum v_sra(vnum a, int by) {
-    return a >> by;
-}
-
-static inline vnum v_srav(vnum a, vnum by) {
     return a >> by;
 }
 
@@ -55,14 +54,6 @@ static inline vnum v_sllv(vnum a, vnum by) {
 
 static inline vnum v_srlv(vnum a, vnum by) {
     return (uint64_t)by > 63 ? 0 : v_srl(a, (int)by);
-}
-
-static inline vnum v_and_bits(vnum a, vnum b) {
-    return a & b;
-}
-
-static inline vnum v_or_bits(vnum a, vnum b) {
-    return a | b;
 }
 
 // Adds `a` to the float in the lower 32 bits; the upper 32 bits are 0 before and after.
@@ -92,22 +83,6 @@ static inline vnum v_double_bits(vnum a) {
 
 static inline vmask v_positive(vnum a) {
     return a > 0;
-}
-
-static inline vmask v_cmp_lt(vnum a, vnum b) {
-    return a < b;
-}
-
-static inline vmask v_and(vmask a, vmask b) {
-    return a && b;
-}
-
-static inline vmask v_andnot(vmask a, vmask b) {
-    return !a && b;
-}
-
-static inline vmask v_or(vmask a, vmask b) {
-    return a || b;
 }
 
 static inline bool v_any(vmask a) {

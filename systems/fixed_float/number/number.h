@@ -4,9 +4,7 @@
 // for NaN.
 #pragma once
 
-#include <math.h>
 #include <stdbool.h>
-#include <stdint.h>
 
 #include "number/format.h"
 #include "simd/simd.h"
