@@ -87,7 +87,7 @@ static void march_pixel(const double *origin, const double *direction, const str
     *hit = (struct hit){.shape = -1};
     vec_set(origin, hit->point);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        double distance = sdf(hit->point, scene, &hit->shape);
+        double distance = scene_distance(hit->point, scene, &hit->shape);
         hit->evals++;
         hit->last_t = hit->t;
         hit->last_distance = distance;
@@ -128,7 +128,7 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {
         nearest[i] = -1;
-        distance[i] = sdf(points + 3 * i, prepared, &nearest[i]);
+        distance[i] = scene_distance(points + 3 * i, prepared, &nearest[i]);
     }
     return true;
 }

@@ -38,7 +38,7 @@ static struct rod_end march_rod(const struct rod *rod, const struct scene_view *
     at.spread = rod_axis(rod, input, frame, axis);
     vec_along(input->view->position, axis, at.t, p);
     while (at.steps < limits->max_steps) {
-        at.distance = sdf(p, scene, &at.shape);
+        at.distance = scene_distance(p, scene, &at.shape);
         at.steps++;
         double radius = max_of(at.spread * at.t, limits->hit_distance);
         // The article's step may take rays beside the axis into a surface, up to a radius deep. A safe step is

@@ -2,15 +2,19 @@
 // recursion, fog.
 #include "trace.h"
 
+double scene_distance(const double *p, const struct prepared *scene, int *nearest) {
+    return sdf(p, scene, nearest);
+}
+
 // The normal by forward differences of the scene's distance, on the side that the ray comes from.
 static void normal_at(const double *p, const double *direction, const struct prepared *scene,
                       double *n) {
     int nearest;
-    double here = sdf(p, scene, &nearest), gradient[3];
+    double here = scene_distance(p, scene, &nearest), gradient[3];
     for (int i = 0; i < 3; i++) {
         double moved[3] = {p[0], p[1], p[2]};
         moved[i] += scene->model.march.normal_step;
-        gradient[i] = sdf(moved, scene, &nearest) - here;
+        gradient[i] = scene_distance(moved, scene, &nearest) - here;
     }
     double length = vec_norm(gradient);
     if (!(length > 0.0)) { // no gradient, as at a centre: against the ray

@@ -18,6 +18,9 @@ static inline const struct state *state_of(const struct prepared *prepared) {
     return (const struct state *)prepared; // its first member
 }
 
+// Returns the distance to the nearest shape: opt2's sdf(), compiled once for the files of this folder. In shade.c.
+double scene_distance(const double *p, const struct prepared *scene, int *nearest);
+
 // What a frame is drawn from.
 struct scene_view {
     const struct prepared *scene;
