@@ -93,6 +93,7 @@ LAYERS = {
         "groups",
         "fields",
         "types",
+        "spans",
         "hit",
         "bvh",
         "repetition",
@@ -101,6 +102,7 @@ LAYERS = {
         "fallback",
         "kernel",
         "frame",
+        "fused",
     )
 }
 
