@@ -21,3 +21,10 @@ def stepwise() -> Callable[..., subprocess.CompletedProcess[str]]:
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """A twentieth of the bootstrap: for tests of what is made of intervals."""
     monkeypatch.setattr(stats, "RESAMPLES", 500)
+
+
+@pytest.fixture
+def rough_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures whose names and axes come only nearly to their places: for tests of what else there is."""
+    monkeypatch.setattr("study.pictures.draw.STEPS", 10)
+    monkeypatch.setattr("study.pictures.draw.PASSES", 1)

@@ -12,7 +12,7 @@
 #include "shadow/widest_torus.h"
 
 #define STRENGTH 3.0
-enum { FEW_RAYS = 20000, DEEPEST = 200, SAMPLES = 400 };
+enum { FEW_RAYS = 8000, DEEPEST = 200, SAMPLES = 400 };
 
 static double clamp_to(double a, double low, double high) {
     return a < low ? low : a > high ? high : a;

@@ -43,10 +43,11 @@ def spec_of(name: str) -> Spec:
 
 
 @functools.cache
-def built() -> None:
-    """Everything that the tests run, by one make. A patch that fails leaves the rest alone."""
+def built() -> bool:
+    """Whether everything that the tests run is built, by one make. A patch that fails leaves the rest alone."""
     targets = [f"build/{name}/render" for name in ["baseline", *BASES, *NAMES]]
-    subprocess.run(["make", "-s", "-k", f"-j{JOBS}", *targets], cwd=ROOT, capture_output=True)
+    done = subprocess.run(["make", "-s", "-k", f"-j{JOBS}", *targets], cwd=ROOT, capture_output=True)
+    return done.returncode == 0
 
 
 @functools.cache
@@ -82,7 +83,8 @@ def test_its_head_is_understood(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_builds_without_a_warning(name):
-    built()
+    if built():
+        return
     path = f"build/{name}/render"  # an old program may be there: make must agree
     done = subprocess.run(["make", "-s", path], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]

@@ -97,6 +97,7 @@ def test_both_precisions_and_both_times_have_a_figure() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("rough_figures")
 def test_the_command_and_its_chapter(tmp_path: Path) -> None:
     words = ["--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1", "--run", str(tmp_path)]
     assert commands.called("functions", words)[0].ended == 0

@@ -62,6 +62,7 @@ def stopped(random, ratio: float, stop, most: int = 200, fixed: bool = False) ->
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 1.02])
 def test_stopping_by_the_width_costs_no_coverage(ratio):
     """400 measurings that stop at ±1 %: 95 % hold the true ratio, or more; few err about which is faster."""
@@ -72,6 +73,7 @@ def test_stopping_by_the_width_costs_no_coverage(ratio):
     assert np.mean([one.high < 1 for one in found]) <= 0.025
 
 
+@pytest.mark.slow
 def test_stopping_at_the_first_difference_costs_no_coverage_where_a_fixed_interval_fails():
     """Of equal programs, looked at after every round until one seems faster."""
     random = np.random.default_rng(12)

@@ -42,6 +42,7 @@ def test_it_says_what_the_run_says(data, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("rough_figures")
 def test_typst_sets_it_whatever_the_machine_is_called(data, tmp_path):
     """Names are data, never markup."""
     cpu = msgspec.structs.replace(data.context.cpu, model=HOSTILE)
