@@ -44,7 +44,7 @@ def spec_of(name: str) -> Spec:
 
 @functools.cache
 def built() -> bool:
-    """Whether everything that the tests run is built, by one make. A patch that fails leaves the rest alone."""
+    """Whether all that the tests run is built, by one make. A patch that fails leaves the rest alone."""
     targets = [f"build/{name}/render" for name in ["baseline", *BASES, *NAMES]]
     done = subprocess.run(["make", "-s", "-k", f"-j{JOBS}", *targets], cwd=ROOT, capture_output=True)
     return done.returncode == 0
