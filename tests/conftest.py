@@ -30,6 +30,7 @@ settings.load_profile("whole")
 
 # Folders whose tests share nothing. Elsewhere tests of a file share what the first of them made.
 ALONE = {Path(__file__).parent / name for name in ("arm64", "c", "conformance", "hard")}
+SHARING = "test_measuring.py"  # of arm64: seconds of an emulator's work for all of its tests
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -70,7 +71,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             path = nodeid.partition("::")[0]
-            return nodeid if (root / path).parent in ALONE else path
+            return nodeid if (root / path).parent in ALONE and not path.endswith(SHARING) else path
 
     config.option.loadscopereorder = False
     return ByFile(config, log)

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -110,6 +111,7 @@ def fresh(made: Path, command: list[str]) -> bool:
         return False
 
 
+@functools.cache
 def without_line(path: Path) -> str:
     """Returns the text of a file of a tree without the #line that patches.py puts first."""
     text = path.read_text()

@@ -4,6 +4,9 @@
 C_TEST_SOURCES := $(wildcard tests/c/*/test_*.c)
 C_TESTS := $(patsubst %.c,$(BUILD)/tests/%,$(notdir $(C_TEST_SOURCES)))
 
+# Follows a program's own flags: compiles in half the time of -O2; by clang, which takes as long for -O1, in a fifth.
+C_TESTS_SANITIZED := $(if $(SANITIZE),$(if $(CLANG),-O0,-O1))
+
 .PHONY: c-tests
 c-tests: $(C_TESTS)
 
@@ -16,5 +19,5 @@ $(BUILD)/tests/test_interval $(BUILD)/tests/test_group_fields $(BUILD)/tests/tes
 $(C_TESTS): $(BUILD)/tests/%: $$(wildcard tests/c/*/$$*.c) $(SCENE_OBJECTS) \
     $(wildcard tests/c/*.h tests/c/*/*.h common/*.h common/*/*.[ch] common/*/*/*.[ch] phases/*/*.h phases/*/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
-	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<$(if $(INTRINSICS), | sed 's|-m[^ ]*||g')) \
+	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<$(if $(INTRINSICS), | sed 's|-m[^ ]*||g')) $(C_TESTS_SANITIZED) \
 	    $< $(SCENE_OBJECTS) $(LIBS) -lcmocka -o $@
