@@ -206,10 +206,11 @@ def path_of(folder: str, target: str) -> str:
     return target if target == "c-tests" else f"{folder}/{target}"  # that one is a rule's name, no file
 
 
-def cached() -> dict[str, str]:
-    """The environment in which a compiler asks ccache first: of the builds, and of the tests, which compile
-    the same sources again in copies of the project."""
-    return {"PATH": f"{CCACHE}:{os.environ['PATH']}", **PARSED} if CCACHE.is_dir() else {}
+def environment() -> dict[str, str]:
+    """Of the builds and of the tests, which compile the same sources again in copies of the project: ccache
+    is asked first, and ablations have what runs here alone (phase_info.py)."""
+    cached = {"PATH": f"{CCACHE}:{os.environ['PATH']}", **PARSED} if CCACHE.is_dir() else {}
+    return {"STEPWISE_WIDEST": "1", **cached}
 
 
 def make(wanted: Wanted, results: Path) -> bool:
@@ -227,7 +228,7 @@ def make(wanted: Wanted, results: Path) -> bool:
     results.mkdir(parents=True, exist_ok=True)
     file = results / "builds.mk"
     file.write_text("\n\n".join(rules) + "\n")
-    return run(["make", *([] if LOUD else ["-s"]), "-k", f"-j{JOBS}", "-f", file], **cached())
+    return run(["make", *([] if LOUD else ["-s"]), "-k", f"-j{JOBS}", "-f", file], **environment())
 
 
 def build(tests: Tests, needs: Wanted, results: Path) -> list[str]:

@@ -131,7 +131,7 @@ def tests(part: str, half: str, phase: str | None) -> dict[str, Tally]:
         words += ["--phase", phase]
         folders = [*concerning(phase), "tests/conformance", "tests/hard"]
     log = None if builds.LOUD else RESULTS / f"{part}.log"
-    good = builds.run([*words, *folders], log, **builds.cached(), **environment)
+    good = builds.run([*words, *folders], log, **(builds.environment() | environment))
     found = read_results(results, part, good)
     if log and any(tally.failed for tally in found.values()):
         print(failures(log.read_text(encoding="utf-8", errors="replace")))

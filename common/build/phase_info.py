@@ -4,13 +4,14 @@
 Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS MACHINE [SHIM]. Uses only the standard
 library, because it runs before anything is installed.
 
-NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
-set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), and CC is what
-make compiles with (rules.mk). For a phase with variants, the files of "each_variant" are built once per
-variant, with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h).
-MACHINE is what the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are
-left out for others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are
-dropped for compilers other than gcc 12 or newer; clang copies that way by default.
+NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and
+instruction set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), CC
+is what make compiles with (rules.mk), and STEPWISE_WIDEST leaves ablations the variant that runs
+(tests/builds.py). For a phase with variants, the files of "each_variant" are built once per variant, with
+the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). MACHINE is what
+the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are left out for
+others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped for
+compilers other than gcc 12 or newer; clang copies that way by default.
 """
 
 import json
@@ -86,6 +87,15 @@ def supported(variants: list[dict]) -> list[str]:
         found = None
     have = set(found[1].split()) if found else {i for one in variants for i in one["isa"]}
     return [f"lanes{one['lanes']}" for one in variants if have >= set(one["isa"])]
+
+
+def widest_will_do(name: str) -> bool:
+    """Returns whether tests need an ablation's widest variant alone: its patch calls no other one."""
+    of, plus, title = name.partition("+")
+    if not plus or not os.environ.get("STEPWISE_WIDEST"):
+        return False
+    patch = patches.folder(of, ROOT) / "ablations" / f"{title}.patch"
+    return len(set(re.findall(r"\blanes\d+(?=_)", patch.read_text()))) < 2
 
 
 def for_other_machine(name: str, info: dict) -> dict:
@@ -193,7 +203,7 @@ def main() -> None:
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     built = [f"lanes{one['lanes']}" for one in variants]
     # Of a sanitized or cross-built phase the widest alone, which is the one that runs: half the time.
-    here = built if shim else supported(variants)[: 1 if sanitizers else None]
+    here = built if shim else supported(variants)[: 1 if sanitizers or widest_will_do(name) else None]
     run_here = " ".join(here)
     of, plus, _ = name.partition("+")
     about = {
