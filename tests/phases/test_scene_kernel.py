@@ -297,8 +297,8 @@ def test_a_compiler_of_several_words_makes_a_kernel(shop: Workshop, tmp_path: Pa
     """`ccache gcc`: each word's file is in the kernel's name."""
     hashes = []
     for more in ("wrapper", "other wrapper"):
-        path = shop.script(more.replace(" ", "-"), 'exec "$@" -O0')
-        words = {"STEPWISE_CC": f"{path} gcc", "STEPWISE_CACHE": str(tmp_path / "cache")}
+        path = shop.script(more.replace(" ", "-"), 'exec "$@"')
+        words = {"STEPWISE_CC": f"{path} gcc -O0", "STEPWISE_CACHE": str(tmp_path / "cache")}
         facts, said, _ = shop.run("two_spheres", **words)
         assert facts["generated"] and not said
         hashes.append(facts["hash"])
