@@ -1,8 +1,6 @@
 // What is computed once a frame, in doubles.
 #pragma once
 
-#include "fused/fused.h"
-
 static double distance_of(const double a[3], const double b[3]) {
     double square = 0;
     for (int k = 0; k < 3; k++)

@@ -1,10 +1,6 @@
 // Mirror rays: they stay in the lanes of the packet that they leave, whatever the other lanes do.
 #pragma once
 
-#include "fused/light.h"
-#include "fused/torus.h"
-#include "hit/scene_bounds.h"
-
 struct mirror_rays {
     struct vec origin, direction;
     vfloat weight, leaves; // leaves: the shape on which the ray starts

@@ -2,8 +2,6 @@
 // between a ray's direction and its pixel.
 #pragma once
 
-#include "frame/tile.h"
-#include "hit/solids.h"
 #include "simd/simd.h"
 #include "spans/spans.h"
 #include "types/numerics.h"

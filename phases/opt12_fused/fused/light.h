@@ -2,13 +2,6 @@
 // leave: the arithmetic of frame/lighting.h and shadow/soft_shadow.c, without a queue between them.
 #pragma once
 
-#include "frame/lighting.h"
-#include "fused/fused.h"
-#include "shadow/own_solid.h"
-#include "shadow/shadow_cone.h"
-#include "shadow/soft_packet.h"
-#include "shadow/widest_torus.h"
-
 // Rays towards the light.
 struct light_rays {
     struct vec p, l;

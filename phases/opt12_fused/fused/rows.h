@@ -1,9 +1,6 @@
 // Draws a band of rows, span by span, each packet in registers from its direction to its pixel.
 #pragma once
 
-#include "fused/follow.h"
-#include "fused/smooth.h"
-
 INLINE void background_span(const struct fused *f, const struct row r[ROWS],
                             const struct fused_span *span, struct frame *frame) {
     const double *b = scene_known.model.background;

@@ -2,8 +2,6 @@
 // (spans/, PROOFS.md).
 #pragma once
 
-#include "fused/light.h"
-
 enum { PIECES = 128, DEGREE = 5, NODES = DEGREE + 1, BEFORE = 2 };
 
 // DIFFUSE: light by the facing of the plane, with the highlight of a plane of one grey; FOGGED: what is left of a colour.

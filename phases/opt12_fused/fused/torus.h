@@ -1,9 +1,6 @@
 // Rays to a torus: the marches of all rows in turns.
 #pragma once
 
-#include "fused/fused.h"
-#include "hit/torus_march.h"
-
 // Where a packet enters a torus ahead of its rays' origins.
 struct torus_hit {
     vmask met;

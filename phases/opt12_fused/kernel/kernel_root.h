@@ -1,9 +1,22 @@
 // The end of a generated kernel's source: what the program calls of it. A scene of planes and solids is drawn by fused/,
 // another as the parent draws it; what a kernel does not call is not compiled.
 #include "frame/worker_scratch.h"
-#include "fused/begin.h"
-#include "fused/rows.h"
 #include "kernel/kernel.h"
+
+// Each needs those before it, and the files that the kernel's text has before this one.
+#include "fused/fused.h"
+
+#include "fused/light.h"
+
+#include "fused/torus.h"
+
+#include "fused/follow.h"
+
+#include "fused/smooth.h"
+
+#include "fused/rows.h"
+
+#include "fused/begin.h"
 
 #ifdef __clang__
 #define COMPILER __VERSION__
