@@ -19,20 +19,19 @@ struct threaded {
 };
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
-    struct threaded *threaded = calloc(1, sizeof *threaded);
-    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
-    struct instruction *instructions = new_instructions(model);
-    if (threaded && primitives && instructions)
-        threaded->workers =
-            workers_start(threads, (size_t)model->shape_count * sizeof(struct local_ray));
-    if (!threaded || !primitives || !threaded->workers) {
+    size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
+    struct threaded *threaded =
+        calloc(1, sizeof *threaded + shapes * sizeof *threaded->prepared.primitives +
+                      nodes * INSTRUCTIONS_PER_NODE * sizeof *threaded->prepared.instructions);
+    if (threaded)
+        threaded->workers = workers_start(threads, shapes * sizeof(struct local_ray));
+    if (!threaded || !threaded->workers) {
         free(threaded);
-        free(primitives);
-        free(instructions);
         return NULL;
     }
-    threaded->prepared.instructions = instructions;
-    threaded->prepared.primitives = primitives;
+    threaded->prepared.primitives = (struct primitive *)(threaded + 1);
+    threaded->prepared.instructions =
+        (struct instruction *)(threaded->prepared.primitives + shapes);
     phase_update(&threaded->prepared, model);
     return &threaded->prepared;
 }
@@ -40,8 +39,6 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 void phase_release(struct prepared *prepared) {
     struct threaded *threaded = (struct threaded *)prepared; // its first member
     workers_end(threaded->workers);
-    free(prepared->instructions);
-    free(prepared->primitives);
     free(threaded);
 }
 
