@@ -6,14 +6,14 @@ include common/rules.mk
 PY := .venv/bin/python
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
-LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene opt11_ideal
+LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene opt11_ideal opt12_fused
 
 # Found by their folders: make NAME measures one into the newest run and writes the report again.
 EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard scripts/study/experiments/*/experiment.py))
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -36,7 +36,7 @@ test-rest: setup-test ## the tests that `make test` leaves out
 test-all: setup-test ## every test there is
 	@$(MAKE) --no-print-directory check-all
 
-phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
+phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
