@@ -1,4 +1,4 @@
-// flags: -iquote phases/opt9_convex -DLANES=8 -mavx2 -mfma -ffp-contract=off
+// flags: -iquote phases/opt9_convex -iquote phases/opt6_wide -DLANES=8 -mavx2 -mfma -ffp-contract=off
 // opt9_convex's falling bounds (shadow/active_set.c): no shape may sleep where it is as near as the nearest shape so far.
 // Distances to the bounding sphere are computed in double.
 #include "tests/c/testing.h"

@@ -1,4 +1,4 @@
-// flags: -iquote phases/opt9_convex
+// flags: -iquote phases/opt9_convex -iquote phases/opt6_wide
 // opt9_convex's BVH (bvh/bvh.c): every shape is a leaf once, every node's sphere holds its children's, and the root's
 // sphere holds every leaf. Checked in double.
 #include "tests/c/testing.h"

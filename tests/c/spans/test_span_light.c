@@ -1,4 +1,4 @@
-// flags: -O2 -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex
+// flags: -O2 -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex -iquote phases/opt6_wide
 // What solids darken, what mirrors show, and the polynomials of a row (opt12_fused, PROOFS.md, 6. to 10.), in double.
 #include "span_scenes.h"
 

@@ -1,4 +1,4 @@
-// flags: -O2 -DLANES=8 -mavx2 -mfma -ffp-contract=off -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex
+// flags: -O2 -DLANES=8 -mavx2 -mfma -ffp-contract=off -iquote phases/opt12_fused -iquote phases/opt11_ideal -iquote phases/opt10_scene -iquote phases/opt9_convex -iquote phases/opt6_wide
 // Outlines of solids and planes (opt12_fused, PROOFS.md, 1. to 5.) against rays in float.
 #include "span_scenes.h"
 
