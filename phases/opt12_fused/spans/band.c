@@ -167,7 +167,9 @@ struct span_cuts {
 
 static inline void cut_at(struct span_cuts *cuts, int group, uint64_t bit) {
     uint64_t *word = &cuts->at[group / 64], here = (uint64_t)1 << group % 64;
-    cuts->change[group] = bit ^ (*word & here ? cuts->change[group] : 0);
+    if (!(*word & here))
+        cuts->change[group] = 0;
+    cuts->change[group] ^= bit;
     *word |= here;
 }
 

@@ -5,6 +5,7 @@ At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pix
 
 import dataclasses
 import functools
+import json
 import math
 import re
 import shutil
@@ -365,6 +366,9 @@ def test_what_is_above_its_roof_is_marked(run: Path) -> None:
 
 
 def test_few_launches_have_no_interval(run: Path) -> None:
+    path = run / "frames.jsonl"
+    frames = [json.loads(line) for line in path.read_text().splitlines()]
+    path.write_text("".join(json.dumps(frame) + "\n" for frame in frames if frame["launch"] < 2))
     write_counts(run, [measured("opt1", "mandelbulb", 90, {("add", "double", 64): 100}, 1, 1)], [])
     (opt1,) = points_of(run)
     assert opt1.flops_per_core_cycle > 0 and math.isnan(opt1.flops_per_core_cycle_low)

@@ -25,7 +25,7 @@ from study.experiments.scaling.series import Point, Series, foreseen, series, th
 from study.numbers.schema import Interval
 from study.pictures.draw import STYLE
 
-OPT4, BASE, NEW = (Spec.parse(name) for name in ("opt4", "baseline", "opt9_convex"))
+OPT4, BASE, NEW = (Spec.parse(name) for name in ("opt4", "baseline", "opt11_ideal"))
 
 
 def line(xs: tuple[int, ...] = (1, 4, 16, 64), grows: float = 1, first: tuple[int, ...] = ()) -> Series:
@@ -69,7 +69,7 @@ def test_every_program_has_three_points_before_any_has_a_fourth() -> None:
 def test_the_newest_phases_have_all_their_points_before_the_others_have_any() -> None:
     asked: list = []
     plan = scaling.choose(line(), [BASE, NEW, OPT4], 1e9, 6, takes(asked, lambda point: 0.001))
-    assert [name for name, _ in asked[:4]] == ["opt9_convex"] * 4
+    assert [name for name, _ in asked[:4]] == [str(NEW)] * 4
     assert len(plan.taken) == 12 and not plan.left_out
 
 

@@ -53,8 +53,8 @@ def test_what_is_far_apart_is_told_apart():
     some = [cell(times, "a"), cell(times[::-1], "same"), cell([2 * ns for ns in times], "far")]
     (said,) = noise.indistinguishable(some)
     assert "a and same" in said
-    (said,) = noise.indistinguishable([cell(times[:5], "a"), cell([9.0] * 5, "b")])
-    assert "6 launches" in said
+    (said,) = noise.indistinguishable([cell(times[:2], "a"), cell([9.0] * 2, "b")])
+    assert "3 launches" in said
 
 
 @pytest.mark.parametrize(

@@ -54,8 +54,10 @@ def test_a_constant_below_a_law_is_no_power_law_and_the_places_are_said() -> Non
 
 
 def test_too_few_launches_have_no_interval_and_two_points_no_verdict() -> None:
-    few = power_laws.fit([1, 2, 4], [[1] * 5, [2] * 6, [4] * 6])
+    few = power_laws.fit([1, 2, 4], [[1] * 2, [2] * 6, [4] * 6])
     assert few.exponent.low is None and "insufficient" in power_laws.text(few.exponent)
+    scattered = power_laws.fit([1, 2, 4], [[0.9, 1, 1.1], [2] * 6, [4] * 6]).exponent
+    assert scattered.low < 1 < scattered.high
     assert power_laws.fit([1, 2], [[1] * 6, [2] * 6]).holds is None
 
 

@@ -59,7 +59,7 @@ def test_a_rate_is_one_over_the_median_time() -> None:
     launches = [[20e6, 10e6, 10e6], [40e6, 20e6, 20e6], *[[20e6, 20e6, 20e6]] * 4]
     found = frames.rate(launches)
     assert found.value == pytest.approx(50) and found.low == pytest.approx(50) and found.high <= 100
-    assert not frames.rate(launches[:3]).sufficient
+    assert not frames.rate(launches[:2]).sufficient
 
 
 def test_a_frame_is_rendering_and_presenting(tmp_path: Path) -> None:
