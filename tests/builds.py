@@ -210,7 +210,7 @@ def environment() -> dict[str, str]:
     """Of the builds and of the tests, which compile the same sources again in copies of the project: ccache
     is asked first, and ablations have what runs here alone (phase_info.py)."""
     cached = {"PATH": f"{CCACHE}:{os.environ['PATH']}", **PARSED} if CCACHE.is_dir() else {}
-    return {"STEPWISE_WIDEST": "1", **cached}
+    return {"STEPWISE_WIDEST": "opt6_wide+awake", **cached}  # drawn in both widths: test_lane_widths
 
 
 def make(wanted: Wanted, results: Path) -> bool:

@@ -6,8 +6,8 @@ library, because it runs before anything is installed.
 
 NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and
 instruction set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), CC
-is what make compiles with (rules.mk), and STEPWISE_WIDEST leaves ablations the variant that runs
-(tests/builds.py). For a phase with variants, the files of "each_variant" are built once per variant, with
+is what make compiles with (rules.mk), and STEPWISE_WIDEST leaves ablations, but those that it names, the
+variant that runs (tests/builds.py). For a phase with variants, the files of "each_variant" are built once per variant, with
 the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). MACHINE is what
 the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are left out for
 others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped for
@@ -92,7 +92,8 @@ def supported(variants: list[dict]) -> list[str]:
 def widest_will_do(name: str) -> bool:
     """Returns whether tests need an ablation's widest variant alone: its patch calls no other one."""
     of, plus, title = name.partition("+")
-    if not plus or not os.environ.get("STEPWISE_WIDEST"):
+    excepted = os.environ.get("STEPWISE_WIDEST")
+    if not plus or excepted is None or name in excepted.split():
         return False
     patch = patches.folder(of, ROOT) / "ablations" / f"{title}.patch"
     return len(set(re.findall(r"\blanes\d+(?=_)", patch.read_text()))) < 2

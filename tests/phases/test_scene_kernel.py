@@ -209,7 +209,9 @@ const struct {
     size_t scratch_size;
     int (*tiles)(const void *);
     void (*tile)(const void *, int, void *);
-} stepwise_kernel = {KERNEL_TAG, "trap", 1, tiles, tile};
+    size_t frame_size;
+    int (*begin)(const void *);
+} stepwise_kernel = {KERNEL_TAG, "trap", 1, tiles, tile, 0, NULL};
 """
 
 
@@ -418,7 +420,8 @@ def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: b
     """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives, but one of
     what the general code reads."""
     folder = registry.phases()[PHASE].file("types/known_scene.h").parents[1]
-    include = ["-I", registry.ROOT / "common", "-iquote", folder]
+    parents = registry.phases()["opt6_wide"].path  # what opt9_convex derives from
+    include = ["-I", registry.ROOT / "common", "-iquote", folder, "-iquote", parents]
     source = tmp_path / "known.c"
 
     def compiled(expression: str) -> subprocess.CompletedProcess[str]:

@@ -1,6 +1,5 @@
 """scripts/stepwise functions: fronts, edges, what is missing, the command, its tables and figures."""
 
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +10,6 @@ from study.core import cli, commands, show, store
 from study.experiments.functions import edge_tables, experiment, figures, tables
 from study.experiments.functions import measure as functions
 from study.experiments.functions.schema import FILE, Edge, Entry, Functions
-from study.measuring import function_bench
 from study.numbers.schema import Range
 
 ASKED = (("0", "∞"), ("−1", "NaN"), ("∞", "0"))  # 1/√x, by IEEE 754's rSqrt
@@ -111,11 +109,3 @@ def test_the_command_and_its_chapter(tmp_path: Path) -> None:
     assert all(tables.TITLES[function] in parts["functions"] for function in functions.FUNCTIONS)
     assert parts["normalise"].count("SSE") >= 3 and "18.35×" in parts["normalise"]
     assert show.markdown(show.table(found.entries, tables.ENTRIES)) == parts["functions-all"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("words", [[], ["evaluate", "--id", "1"], ["sing"]])
-def test_bad_arguments_of_the_bench(words: list[str]) -> None:
-    command = [function_bench.program(), *words]
-    done = subprocess.run(command, capture_output=True, text=True, input="abc")
-    assert done.returncode == 2 and done.stderr and not done.stdout
