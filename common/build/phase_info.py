@@ -4,13 +4,14 @@
 Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS MACHINE [SHIM]. Uses only the standard
 library, because it runs before anything is installed.
 
-NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and
-instruction set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), CC
-is what make compiles with (rules.mk), and STEPWISE_WIDEST leaves ablations, but those that it names, the
-variant that runs (tests/builds.py). For a phase with variants, the files of "each_variant" are built once per variant, with
-the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). MACHINE is what
-the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are left out for
-others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped for
+NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
+set. Of the environment, CFLAGS_MORE is appended to the flags (scripts/stepwise toolchains), CC is what make
+compiles with (rules.mk), and STEPWISE_WIDEST leaves ablations, but those that it names, the variant that
+runs (tests/builds.py). For a phase with variants, the files of "each_variant" are built once per variant,
+with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). MACHINE is
+what the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are left out
+for others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped
+for
 compilers other than gcc 12 or newer; clang copies that way by default.
 """
 
