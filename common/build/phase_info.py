@@ -11,8 +11,7 @@ runs (tests/builds.py). For a phase with variants, the files of "each_variant" a
 with the variant's flags last. The widest variant that the CPU supports runs (driver/variant.h). MACHINE is
 what the compiler makes programs for, as -dumpmachine says it: x86's flags and instruction sets are left out
 for others. SHIM is the folder of an <immintrin.h> that emulates AVX-512. Flags in COPY_FLAGS are dropped
-for
-compilers other than gcc 12 or newer; clang copies that way by default.
+for compilers other than gcc 12 or newer; clang copies that way by default.
 """
 
 import json
