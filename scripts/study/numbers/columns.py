@@ -175,7 +175,7 @@ MAIN = [
 ]
 # What a scene's ladder consists of: columns and title of each table.
 PARTS = (
-    (LADDER, "Speed and error. “insufficient”: fewer than 6 launches, so no interval"),
+    (LADDER, "Speed and error. “insufficient”: fewer than 3 launches, so no interval"),
     (BESIDE, "Beside the paper"),
     (WHOLE, "First frame, presenting, cycles"),
     (BUILT, "As built"),

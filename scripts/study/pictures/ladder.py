@@ -33,7 +33,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     clock = f"core {rows.core_hz.median() / 1e9:.2f} GHz, timer {rows.tsc_hz.median() / 1e9:.3f} GHz"
     return (
         f"{cpu}, {clock}; {compiler}. Median over {launches} process launches; whiskers: 95 % "
-        f"interval (none where launches are fewer than 6).\n{built}"
+        f"interval (none where launches are fewer than 3).\n{built}"
     )
 
 

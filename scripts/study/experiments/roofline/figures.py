@@ -200,7 +200,7 @@ def caption(data: Data, points: Sequence[Point], limits: Ceilings | None) -> str
     text = (
         f"{machine.name(data.context)}; one thread. FLOPs by the machine's convention (an FMA is two), "
         f"counted by {'; '.join(dict.fromkeys(every))}. Points: median over process launches; whiskers: its "
-        "95 % interval (none where launches are fewer than 6)."
+        "95 % interval (none where launches are fewer than 3)."
     )
     if limits:
         text += (
