@@ -107,8 +107,8 @@ KERNEL_SHARED int fused_spans_of_rows(const struct fused_frame *frame,
                                       const struct fused_band *band, int y0, int rows,
                                       struct fused_span spans[SPAN_MOST]);
 
-// How far apart, in pixels, the six nodes of a polynomial of degree 5 may be that gives the light and the fog of plane
-// `plane` along rows y0 <= y < y0 + rows between columns x0 and x1: 64, 32, 16, or 0: not at all. The nodes reach three
-// spacings beyond x0 and x1. The error is below `most` (of a colour), but for rounding in float.
+// A polynomial of degree 5 gives the light and the fog of plane `plane` along rows y0 <= y < y0 + rows, between columns
+// x0 and x1. Returns how far apart its six nodes may be, in pixels: 64, 32 or 16; 0: there is no such polynomial. The
+// nodes reach three spacings beyond x0 and x1. The error is below `most` (of a colour), but for rounding in float.
 KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int y0, int rows,
                                 int x0, int x1, double most);

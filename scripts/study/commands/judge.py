@@ -30,8 +30,6 @@ DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views that a process draws before the one whose bits are compared
 ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
-
-
 ENDS = (".c", ".h")
 HINTS = {
     "start": "Hand in a phase of your own. The ladder's phases, and phases made from others, are not judged.",
@@ -237,6 +235,8 @@ def judged(args: argparse.Namespace) -> Outcome:
         try:
             build(spec)
         except StudyError as error:
+            if error.exit_status == cli.CANNOT_RUN:  # a tool is missing, which is no fault of the phase
+                raise
             compiler = str(error)
             result = {"lab": lab.number, "checks": [], "hint": None, "try": None, "compiler": compiler}
             return Outcome(result, [compiler], status=DOES_NOT_COMPILE)
