@@ -69,8 +69,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     about = f"do not fail for it (machine: and give a verdict): {', '.join(KINDS)}; may be repeated"
     add("--allow", action="append", default=[], choices=KINDS, metavar="KIND", help=about)
-    about = "instead: this phase in all runs below results/, by machine and date, with its steps"
-    add("--history", metavar="PHASE", help=about)
+    about = "instead: this phase in all runs below the RUNs, by machine and date, with its steps; "
+    add("--history", metavar="PHASE", help=about + "default: results")
     add("--scene", nargs="+", default=[], metavar="SCENE", help="of --history; default: all")
     about = "instead: the times of one RUN for other programs; with --by baseline over baseline's"
     add("--export", choices=EXPORTS, help=about)
@@ -88,10 +88,11 @@ def shown(sides: Sequence[Side], first: Sequence[Fault], found: Sequence[Row], b
 
 def over_time(args: argparse.Namespace) -> Outcome:
     """A table a machine; `step` names how a point differs from the one above it."""
-    points = history.points(history.runs(), args.history, args.scene)
+    places = args.runs or [store.RESULTS]
+    points = history.points(history.runs(*places), args.history, args.scene)
     if not points:
         on = " on " + " ".join(args.scene) if args.scene else ""
-        raise StudyError(f"no run has timed {args.history}{on}")
+        raise StudyError(f"no run below {', '.join(map(str, places))} has timed {args.history}{on}")
     lines = []
     for machine in dict.fromkeys(point.machine for point in points):
         rows = history.shown([point for point in points if point.machine == machine])
@@ -168,8 +169,10 @@ def chance(found: Sequence[Row]) -> list[str]:
 
 def run(args: argparse.Namespace) -> Outcome:
     if args.history or args.export:
-        if len(args.runs) != (0 if args.history else 1) or (args.history and args.export):
-            raise StudyError("--history takes no RUN, --export takes one RUN; not both")
+        if args.history and args.export:
+            raise StudyError("--history or --export, not both")
+        if args.export and len(args.runs) != 1:
+            raise StudyError(f"--export takes one RUN, not {len(args.runs)}")
         if args.history:
             return over_time(args)
         one = Run.open(args.runs[0])

@@ -30,10 +30,10 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def scene(path: Path, wanted: Path | None) -> Outcome:
-    out = wanted or Path(path.name)
-    if out.exists() and (not wanted or (path.exists() and out.samefile(path))):
-        raise StudyError(f"{out}: is there already; -o names another file")
     theirs = paper_scenes.read(path)
+    out = wanted or Path(path.name)
+    if out.exists() and (not wanted or out.samefile(path)):
+        raise StudyError(f"{out}: is there already; -o names another file")
     made = paper_scenes.converted(theirs, path)
     store.write_json(out, made)
     wide, high = theirs.camera.width, theirs.camera.height
@@ -43,9 +43,6 @@ def scene(path: Path, wanted: Path | None) -> Outcome:
 
 def times(files: list[Path], contents: list[Any], results: Path) -> Outcome:
     """Nothing is written before all files are read."""
-    for path, content in zip(files, contents, strict=True):
-        if not foreign.reader(content):
-            raise StudyError(f"{path}:1: of none of these: {KINDS}, scenes one at a time")
     every = [foreign.read(path, content) for path, content in zip(files, contents, strict=True)]
     told, lines, remarks = [], [], []
     for path, found in zip(files, every, strict=True):
@@ -63,8 +60,11 @@ def times(files: list[Path], contents: list[Any], results: Path) -> Outcome:
 
 def run(args: argparse.Namespace) -> Outcome:
     contents = [json_files.read_json(path) for path in args.files]
-    if len(contents) == 1 and not foreign.reader(contents[0]):
+    if len(contents) == 1 and isinstance(contents[0], dict) and "geometric_objects" in contents[0]:
         return scene(args.files[0], args.out)
+    for path, content in zip(args.files, contents, strict=True):
+        if not foreign.reader(content):
+            raise StudyError(f"{path}:1: of none of these: {KINDS}, scenes one at a time")
     if args.out:
         raise StudyError("-o names a scene; runs get a folder below --results")
     return times(args.files, contents, args.results)

@@ -8,7 +8,7 @@ from pathlib import Path
 from study.core import show
 from study.core.json_files import stored
 from study.core.registry import BASE
-from study.core.store import RESULTS, Run
+from study.core.store import Run
 from study.numbers import analysis, stats
 from study.numbers.analysis import Cell
 from study.numbers.stats import Interval
@@ -45,10 +45,9 @@ class Point:
         return show.size(self.width, self.height)
 
 
-def runs(results: Path = RESULTS) -> list[Run]:
-    """All runs below `results`, the published ones too, from the oldest to the newest."""
-    folders = [path.parent for path in results.glob("*/*/plan.json")]
-    found = [Run(folder) for folder in folders]
+def runs(*places: Path) -> list[Run]:
+    """All runs at and below `places`, from the oldest to the newest."""
+    found = [Run(folder) for folder in {path.parent for place in places for path in place.rglob("plan.json")}]
     return sorted(
         (run for run in found if stored(run.frames_path).exists()),
         key=lambda run: str(run.context.time),

@@ -157,7 +157,11 @@ def test_bad_files_are_named_and_none_is_written_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "ours.json"
-    for text, said in (('{"camera":\n {]}', "theirs.json:2:3"), ("[]", "theirs.json")):
+    for text, said in (
+        ('{"camera":\n {]}', "theirs.json:2:3"),
+        ("[]", "theirs.json:1"),
+        ('{"results": 3}', "theirs.json:1"),
+    ):
         with pytest.raises(StudyError, match=said):
             called(written(tmp_path, text), "-o", out)
         assert not out.exists()

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from compared import run as compare
 
-from study.commands import compare as compare_command
 from study.core import commands, json_files
 from study.core.cli import Outcome
 from study.core.store import Run
-from study.numbers import analysis, history
+from study.numbers import analysis
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 
@@ -133,7 +132,7 @@ def timed(factor: float, date: str) -> dict[str, Any]:
     return {"context": ABOUT | {"date": date}, "benchmarks": rows}
 
 
-def test_compare_history_and_export_read_them(tmp_path, monkeypatch) -> None:
+def test_compare_history_and_export_read_them(tmp_path) -> None:
     both = (timed(3, "2026-02-03T00:00:00+00:00"), timed(4, "2026-02-04T00:00:00+00:00"))
     done = imported(tmp_path, *both)
     paths = [one["run"] for one in done.result["runs"]]
@@ -142,9 +141,7 @@ def test_compare_history_and_export_read_them(tmp_path, monkeypatch) -> None:
         3 / 4
     )
     assert compare(*paths, "--fail-on-slower").returncode == 1
-    found = history.runs(tmp_path / "results")
-    monkeypatch.setattr(compare_command.history, "runs", lambda: found)
-    points = emitted.result(compare("--history", "BM_Mix", "--json").stdout)["points"]
+    points = emitted.result(compare("--history", "BM_Mix", "--json", tmp_path / "results").stdout)["points"]
     assert [(one["made"], one["step"]) for one in points] == [
         ("2026-02-03T00:00", False),
         ("2026-02-04T00:00", True),

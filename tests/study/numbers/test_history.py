@@ -57,20 +57,16 @@ def test_other_work_is_no_step(results):
     assert sum(one.step for one in history.points(history.runs(results), "opt1")) == 1
 
 
-def test_a_phase_that_no_run_has(results, monkeypatch):
-    found = history.runs(results)
-    monkeypatch.setattr(compare.history, "runs", lambda: found)
-    done = run("--history", "opt7", "--scene", "s")
-    assert done.returncode == 2
+def test_a_phase_that_no_run_has(results):
+    assert run("--history", "opt7", "--scene", "s", "--", results).returncode == 2
 
 
-def test_the_history_s_table(results, monkeypatch):
-    found = history.runs(results)
-    monkeypatch.setattr(compare.history, "runs", lambda: found)
-    done = run("--history", "opt1")
+def test_the_history_s_table(results):
+    done = run("--history", "opt1", results)
     assert done.returncode == 0 and done.stdout.count("faster 2.04") == 1
-    assert run("--history", "opt1", results / "zen" / "run1").returncode == 2
-    assert run("--history", "opt1", "--export", compare.EXPORTS[0]).returncode == 2
+    some = json.loads(run("--history", "opt1", "--json", results / "zen" / "run1", results / "other").stdout)
+    assert [point["made"][:10] for point in some["result"]["points"]] == ["2026-01-04", "2026-01-01"]
+    assert run("--history", "opt1", "--export", compare.EXPORTS[0], results).returncode == 2
 
 
 def test_a_run_for_other_programs(results):
