@@ -1,7 +1,7 @@
 """Judges a solution of one of the labs of docs/labs: its picture, its speed-up with interval, and a hint.
 
 Speed is measured against the lab's start, interleaved in one run. Of a lab that asks for a scene, the scene's
-pictures are judged.
+pictures are judged; of one that asks for answers, without --file the task is written.
 """
 
 import argparse
@@ -21,6 +21,7 @@ from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import USABLE
 from study.core.run import render as run_driver
+from study.labs import answers
 from study.pictures import images
 from study.pictures.gallery import Gallery
 
@@ -46,16 +47,18 @@ class Lab:
     at work must rise, `calls`: a pattern of functions whose calls (“flops”: all FLOPs) may be at most `share`
     of the start's, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
     asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
-    `exact_db`). `hints`: what is said, by the check that fails.
+    `exact_db`). `answers`: the module of study.labs that asks for words and numbers. `hints`: what is said,
+    by the check that fails.
     """
 
     number: int
     title: str
     page: str
     minutes: int
-    start: str
-    scene: str
     hints: dict[str, str]
+    start: str = ""
+    scene: str = ""
+    answers: str = ""
     speedup: float = 1.0
     same_bits: bool = False
     lanes: float = 0.0
@@ -68,9 +71,12 @@ class Lab:
 
 @dataclass(frozen=True)
 class Check:
+    """`hint`: its key among the hints, where that is not the name."""
+
     name: str
     passed: bool
     said: str
+    hint: str = ""
 
 
 def labs() -> dict[int, Lab]:
@@ -181,6 +187,20 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
     ]
 
 
+def of_answers(lab: Lab, path: Path | None, student: int) -> list[Check] | Outcome:
+    """Of an answers file; without one the task is written. Raises StudyError for a file that is none."""
+    asked = answers.questions(lab.answers, student)
+    if path is None:
+        folder = answers.write(asked, lab.number, student).relative_to(registry.ROOT)
+        file = folder / answers.TEMPLATE
+        lines = [f"The task of student {student} is in {folder}. Fill in {file}, then:"]
+        words = f"--student {student} " * bool(student)
+        lines.append(f'  make judge LAB={lab.number} ARGS="{words}--file {file}"')
+        return Outcome({"lab": lab.number, "folder": folder}, lines)
+    judged = answers.judged(asked, answers.read(path, asked))
+    return [Check(one.name, not one.fails, one.said, one.fails) for one in judged]
+
+
 STATUSES = {
     cli.FAILED: "a check of the lab fails",
     DOES_NOT_COMPILE: "it does not compile: the compiler's text",
@@ -191,7 +211,9 @@ def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("lab", type=int, choices=sorted(labs()), metavar="LAB", help="its number in docs/labs")
     add("--phase", metavar="PHASE", help="your phase, or an ablation")
-    add("--file", type=Path, metavar="FILE", help="your scene, where the lab asks for one")
+    add("--file", type=Path, metavar="FILE", help="your scene or your answers, where the lab asks for them")
+    about = "whose task of a lab that asks for answers; default: 0"
+    add("--student", type=cli.at_least(0), default=0, metavar="NUMBER", help=about)
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
     add("--launches", type=cli.at_least(6), default=12, help="process launches of each; default: 12")
     add(
@@ -214,8 +236,8 @@ def gradescope(path: Path, checks: Sequence[Check], hint: str) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     outcome = judged(args)
-    if args.gradescope:
-        told = outcome.result
+    told = outcome.result
+    if args.gradescope and "checks" in told:
         checks = told["checks"] or [Check("compiles", False, told["compiler"])]
         gradescope(args.gradescope, checks, told["hint"] or "")
     return outcome
@@ -224,7 +246,12 @@ def run(args: argparse.Namespace) -> Outcome:
 def judged(args: argparse.Namespace) -> Outcome:
     lab = labs()[args.lab]
     told = None
-    if lab.breaks:
+    if lab.answers:
+        made = of_answers(lab, args.file, args.student)
+        if isinstance(made, Outcome):
+            return made
+        checks = made
+    elif lab.breaks:
         if not args.file:
             raise StudyError(f"lab {lab.number} asks for a scene: make judge LAB={lab.number} SCENE=FILE")
         checks = of_scene(lab, args.file, args.n)
@@ -245,7 +272,7 @@ def judged(args: argparse.Namespace) -> Outcome:
             told = try_.compared(argparse.Namespace(**vars(args) | what))
             checks += [of_views(spec, registry.find_scene(lab.scene), args.n), *of_phase(lab, told)]
     failing = next((one for one in checks if not one.passed), None)
-    hint = (lab.hints | HINTS).get(failing.name, UNSURE) if failing else None
+    hint = (lab.hints | HINTS).get(failing.hint or failing.name, UNSURE) if failing else None
     lines = [try_.text(told), ""] if told and not args.untimed else []
     lines += [
         f"Lab {lab.number}, {lab.title}",

@@ -1,0 +1,101 @@
+"""A lab's questions with their keys, the folder that a student gets, and the judging of an answers file."""
+
+import dataclasses
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from study.core import json_files, registry, store
+from study.core.cli import StudyError
+
+TEMPLATE = "answers.json"
+
+
+@dataclass(frozen=True)
+class Question:
+    """`word`: the right one of `words`. `number`: the right one, to the share `within`. None: not asked for.
+    `files`: what the student gets for it, by name."""
+
+    name: str
+    words: Sequence[str] = ()
+    word: str | None = None
+    number: float | None = None
+    within: float = 0.02
+    files: dict[str, str] = dataclasses.field(default_factory=dict)
+
+
+class Answer(msgspec.Struct, forbid_unknown_fields=True):
+    word: str | None = None
+    number: float | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """`fails`: nothing, or the key of the hint: “word”; of a wrong number the question's word, if it has one,
+    else “number”."""
+
+    name: str
+    fails: str
+    said: str
+
+
+def questions(kind: str, student: int) -> list[Question]:
+    """Of the lab that study.labs.KIND draws. Raises StudyError."""
+    made: list[Question] = importlib.import_module(f"study.labs.{kind}").questions(student)
+    return made
+
+
+def write(asked: Sequence[Question], number: int, student: int) -> Path:
+    """Writes the task's files and an answers file to be filled in, which is left if it is there. Returns the
+    folder."""
+    folder = registry.ROOT / "build" / "labs" / f"{number}-student-{student}"
+    for name, text in [item for one in asked for item in one.files.items()]:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        store.write_text(folder / name, text)
+    blank = {
+        one.name: {
+            key: None for key, wanted in (("word", one.word), ("number", one.number)) if wanted is not None
+        }
+        for one in asked
+    }
+    if not (folder / TEMPLATE).exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        store.write_json(folder / TEMPLATE, blank)
+    return folder
+
+
+def read(path: Path, asked: Sequence[Question]) -> dict[str, Answer]:
+    """Answers by their questions. Raises StudyError with the place of what is no answer."""
+    try:
+        found = msgspec.convert(json_files.read_json(path), dict[str, Answer])
+    except msgspec.ValidationError as error:
+        raise StudyError(f'{path}: {error}; an answer is like {{"word": "drift", "number": 1.2}}') from None
+    known = {one.name: one for one in asked}
+    for name, answer in found.items():
+        if name not in known:
+            raise StudyError(f"{path}: $.{name}: no such question; there are {', '.join(known)}")
+        words = known[name].words
+        if answer.word is not None and answer.word not in words:
+            raise StudyError(
+                f"{path}: $.{name}.word: '{answer.word}' is none of {', '.join(words) or 'none'}"
+            )
+    return found
+
+
+def judged(asked: Sequence[Question], answers: dict[str, Answer]) -> list[Judged]:
+    """What is said never has the key in it."""
+    made = []
+    for one in asked:
+        answer, fails = answers.get(one.name, Answer()), ""
+        said = f"{one.name}: the number to {100 * one.within:g} %" if one.number is not None else one.name
+        if one.word is not None and answer.word != one.word:
+            fails, said = "word", f"{one.name}: the word" + (" is missing" if answer.word is None else "")
+        elif one.number is not None:
+            off = abs((answer.number or 0) - one.number)
+            if answer.number is None or not off <= one.within * abs(one.number):
+                fails = one.word or "number"
+        made.append(Judged(one.name, fails, said))
+    return made
