@@ -1,5 +1,5 @@
 // The widest cone about a ray that holds nothing of the copies of a repeated solid. In each cell the nearest copy is
-// the cell's own (PROOFS.md of opt9_convex, 12.), so the ray is cut at the walls, and each part asks one copy.
+// the cell's own (PROOFS.md of opt9_convex, 11.), so the ray is cut at the walls, and each part asks one copy.
 #include "shadow/own_solid.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_torus.h"

@@ -49,7 +49,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "only this, for the newest run (a small one is made where there is none), and the report"
     add("--part", action="append", choices=experiment.find_all(), metavar="NAME", help=about)
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="SCENE", help="scenes to time")
-    about = "for the sweep; default: 75 (quick), 240 (standard)"
+    about = "for the sweep; default: 150 (quick), 240 (standard)"
     add("--budget", type=cli.at_least(1, float), metavar="SECONDS", help=about)
     add("--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder")
 
