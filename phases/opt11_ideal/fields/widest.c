@@ -93,14 +93,16 @@ static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct
     vfloat t = v_min(v_max(touch, near), far);
     vfloat rise = v_madd(t, t - along - along, power);
     vfloat root = v_sqrt(v_max(v_madd(radius, radius, rise), zero));
-    return v_min(best, v_max(rise / ((root + radius) * t), zero));
+    vfloat ratio = v_splat(f->program->scale) * rise / ((root + radius) * t);
+    return v_min(best, v_max(ratio, zero));
 }
 
 static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d, vmask active,
                               vfloat near, vfloat far, vfloat best, vfloat room) {
     int list[f->balls.level[0].count + 1], kept = 0;
     struct beam b = beam_of(o, d, active, near, far);
-    float q = v_reduce_max(v_select_or_zero(active, best));
+    vfloat per_share = v_splat(1 / f->share);
+    float q = v_reduce_max(v_select_or_zero(active, best * per_share));
     int count = list_balls(f, &b, q, f->wider, list);
     for (int i = 0; i < count; i++)
         if (f->sphere[list[i]] > 0) {
@@ -110,7 +112,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
     active = v_and(active, v_cmp_gt(best, v_splat(0.0f)));
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], 0, o, d, best);
+        struct ball_span s = ball_span(f, list[i], 0, o, d, best * per_share);
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
         begin = v_select(met, v_min(begin, s.in), begin);
         end = v_select(met, v_max(end, s.out), end);
@@ -119,7 +121,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     end = v_min(end, far);
     active = v_and(active, v_cmp_lt(begin, end));
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], f->wider, o, d, best);
+        struct ball_span s = ball_span(f, list[i], f->wider, o, d, best * per_share);
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
         if (v_any(v_and(met, active)))
             list[kept++] = list[i];
@@ -135,11 +137,12 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
 
 vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask active,
                     vfloat near, vfloat far, vfloat best, float lit) {
-    // Only where a cone of slope `best` meets the group's sphere.
+    // Only where the group's sphere meets a cone in which the field may be below best·t.
+    vfloat q = best * v_splat(1 / field->share);
     vfloat along = v_splat(0.0f) - vec_dot(o, d), radius = v_splat(field->radius);
     struct vec aside = vec_along(o, d, along);
-    vfloat a = v_nmadd(best, best, v_splat(1.0f)), rest = v_madd(best, along, radius);
-    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside)), b = v_madd(best, radius, along);
+    vfloat a = v_nmadd(q, q, v_splat(1.0f)), rest = v_madd(q, along, radius);
+    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside)), b = v_madd(q, radius, along);
     vfloat root = v_sqrt(v_max(inside, v_splat(0.0f))), per = v_splat(1.0f) / a;
     vmask narrow = v_cmp_gt(a, v_splat(1e-3f));
     near = v_select(narrow, v_max(near, (b - root) * per), near);

@@ -1,6 +1,5 @@
 // Shadow rays that no shape but their own can darken, and that one's shadow. The ratio of a convex solid on which
 // a ray starts is least at the start (PROOFS.md, 5.).
-#include "bulb/bulb_estimate.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/own_solid.h"
 #include "shadow/shadow_cone.h"
@@ -25,8 +24,7 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         here = v_or(is_shape(shape, i),
                     plane_clears(height_over(s, point), add_dot(s->normal, to_light), q, scene));
     } else {
-        // A Mandelbulb's estimate is this share of the distance or more.
-        float slope = s->type == SHAPE_MANDELBULB ? q / BULB_SHARE : q;
+        float slope = q / share_of(s);
         slope = slope < 1.0f ? slope : 1.0f; // a cone of slope 1 meets all
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);

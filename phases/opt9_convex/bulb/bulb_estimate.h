@@ -13,8 +13,6 @@
 #include "types/numerics.h"
 #include "types/tile_context.h"
 
-#define BULB_SHARE 0.52f
-
 // A point's orbit. The derivative is slope·√product, with the product of all earlier m. Its recursion dz' =
 // 8·m³·√m·dz + 1 becomes slope' = 8·m³·slope + 1/√product. That root only affects the small summand: 11 bits
 // suffice, except in the first two iterations of camera rays.

@@ -14,6 +14,7 @@ struct field {
     float centre[3]; // of its sphere, in its frame; of a repeated group 0
     float radius;    // of its sphere
     float least;     // a field below this is 0: rounding
+    float share;     // outside of its sphere it is no less than this share of the way there
     float bend;      // its field bends down by no more than this along a ray; 0: not known
     // Balls that hold the children's parts of the surface, of a union whose children have such; levels 0: the group is
     // marched as a whole.

@@ -133,6 +133,8 @@ void fields_prepare(struct field_set *set, const struct model *model) {
         struct field *f = &set->fields[i];
         f->program = p->program;
         f->radius = (float)root->radius;
+        double share = root->growth / root->lipschitz;
+        f->share = (float)(share < 1 ? share * (1 - 1e-5) : 1);
         f->least = 0x1p-21f * (f->radius < INFINITY ? f->radius : 1.0f);
         bool bounded = !p->repeated && root->radius < INFINITY;
         for (int k = 0; k < 3; k++)

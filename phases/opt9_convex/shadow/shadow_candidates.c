@@ -1,5 +1,4 @@
 // Which shapes can darken the shadow rays of a packet, and where its march may begin and end.
-#include "bulb/bulb_estimate.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
 #include "types/tile_context.h"
@@ -43,7 +42,7 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
 INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
     float q = lit_slope_for(s, KNOWN(work->scene)->lit_slope);
-    bool bulb = s->type == SHAPE_MANDELBULB;
+    float share = share_of(s);
     vfloat zero = v_splat(0.0f);
     vmask self = is_shape(r->shape, i);
     struct shadow_cone cone = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
@@ -54,13 +53,14 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
     vfloat towards = cone.along + v_splat(s->bound);
     vfloat from = v_select(v_cmp_gt(towards, zero),
                            cone.c / v_max(towards + towards, v_splat(1e-20f)), v_splat(INFINITY));
-    if (bulb) {
-        from = v_splat(BULB_SHARE / (1 + BULB_SHARE)) *
+    if (share < 1) {
+        r->meets_many = v_or(r->meets_many, met);
+        from = v_splat(share / (1 + share)) *
                (v_sqrt(cone.c + v_splat(s->bound_sq)) - v_splat(s->bound));
     }
     // A ray from a plane marches at height facing·t or less. The shape is nearer only inside a cone of that
     // slope.
-    vfloat share = v_splat(bulb ? BULB_SHARE : 1.0f), s_slope = r->facing / share;
+    vfloat s_slope = r->facing / v_splat(share);
     vfloat b = v_madd(s_slope, v_splat(s->bound), cone.along),
            a = v_nmadd(s_slope, s_slope, v_splat(1.0f));
     vfloat discriminant = v_msub(b, b, a * cone.c);
@@ -72,7 +72,7 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
         from);
     from = v_zero_where(self, v_max(from, zero));
     candidate->from = from;
-    if (v_any(met) && !bulb && !IS_GROUP(s))
+    if (v_any(met) && s->type != SHAPE_MANDELBULB && !IS_GROUP(s))
         first_entry(s, i, r, met);
 }
 
@@ -169,7 +169,7 @@ INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_contex
         candidate_plane(s, i, r, work, &candidates[i]);
     else if (REPEATED(s))
         candidate_cells(s, i, r, work, &candidates[i]);
-    else if (r->from_planes && s->type != SHAPE_MANDELBULB)
+    else if (r->from_planes && share_of(s) == 1)
         candidate_solid_from_plane(s, r, KNOWN(work->scene), &candidates[i]);
     else
         candidate_solid(s, i, r, work, &candidates[i]);

@@ -80,10 +80,17 @@ INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *
                     support_of(turned(s, n), beside, s));
 }
 
-// Returns the slope of the cone that has to miss shape s. For a Mandelbulb it is 1: its estimate is no
-// distance, so the proof for smaller slopes (PROOFS.md, 1.) does not hold.
+// Returns the least ratio of a shape's distance to that to its bounding sphere, outside of that.
+INLINE float share_of(const struct primitive *s) {
+    return s->type == SHAPE_MANDELBULB ? BULB_SHARE : IS_GROUP(s) ? s->field->share : 1.0f;
+}
+
+// Returns the slope of the cone that has to miss the sphere of shape s. For a Mandelbulb it is 1: its estimate
+// is no distance, so the proof for smaller slopes (PROOFS.md, 1.) does not hold.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? 1.0f : q;
+    if (s->type == SHAPE_MANDELBULB || !(q < share_of(s)))
+        return 1.0f;
+    return q / share_of(s);
 }
 
 // In surface_offsets: the least radius of curvature at which normal and curvature describe the surface over

@@ -12,6 +12,9 @@ struct sharp;     // hit/sharp.h
 struct field;     // fields/field.h
 struct field_set; // fields/field.h
 
+// A Mandelbulb's distance over that to its bounding sphere is no less: bulb/bulb_estimate.h.
+#define BULB_SHARE 0.52f
+
 // A shape in the form that the renderer evaluates. Lengths are in scene units. A group is evaluated at a POINT.
 struct primitive {
     enum eval_kind eval;
