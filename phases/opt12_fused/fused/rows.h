@@ -131,8 +131,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
                             const struct job *job) {
     struct ends end[ROWS];
     EACH_ROW(k) {
-        struct vec d = look(f, &r[k], x);
-        end[k].d = vec_scale(d, v_rsqrt_newton(vec_dot(d, d)));
+        end[k].d = look_at_edges(f, &r[k], x);
         end[k].weight = v_splat(1.0f);
         no_hit(&end[k].hit);
     }
@@ -282,7 +281,7 @@ static void draw_rows(const struct fused *f, const struct fused_band *band, int 
     for (int k = 0; k < ROWS; k++) {
         int row = y + k % rows; // a single last row is drawn twice
         float up = (float)(f->frame.height - 1 - 2 * row) * f->per;
-        r[k] = (struct row){vec_along(vec_set(f->forward), vec_set(f->up), v_splat(up)), row,
+        r[k] = (struct row){vec_along(vec_set(f->forward), vec_set(f->up), v_splat(up)), up, row,
                             job->frame->rgb + 3 * (size_t)row * (size_t)f->frame.width};
         w[k].plane = -1;
 #define SET(i)                                                                                     \
