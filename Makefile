@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view web try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -55,6 +55,9 @@ view: ## a window on SCENE=scene0 by PHASE=… (default: the ladder's last): wal
 	@scripts/setup.sh view
 	@echo "view: building every phase: a few minutes the first time" && $(MAKE) --no-print-directory -sj$$(nproc) $(BUILD)/viewer
 	@$(BUILD)/viewer $(SCENE) $(if $(PHASE),--phase $(PHASE)) $(ARGS)
+
+web: ## one page that draws by the phases in a browser, from disk and offline: report/out/try.html (needs emscripten: web/web.mk)
+	@$(MAKE) --no-print-directory -sj$$(nproc) -f web/web.mk
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/stepwise report $(ARGS)

@@ -17,7 +17,7 @@
 static const unsigned long long simd_packed_lanes[256] = {SIMD_PACK_64(0), SIMD_PACK_64(64),
                                                           SIMD_PACK_64(128), SIMD_PACK_64(192)};
 
-#ifdef __x86_64__
+#ifndef __aarch64__
 static inline vindex v_compress_index(vmask m) {
     return _mm256_cvtepu8_epi32(
         _mm_loadl_epi64((const __m128i *)&simd_packed_lanes[v_mask_bits(m)]));

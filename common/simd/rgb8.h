@@ -1,7 +1,7 @@
 // Eight lanes: AVX2 or NEON. See simd.h.
 #pragma once
 
-#ifdef __x86_64__
+#ifndef __aarch64__
 static inline void v_store_block(float *rgb, size_t stride, vfloat r, vfloat g, vfloat b) {
     // In each half of a register (a row) r0 r2 g0 g2, g1 g3 b1 b3, b0 b2 r1 r3.
     vfloat rg = _mm256_shuffle_ps(r, g, _MM_SHUFFLE(2, 0, 2, 0));

@@ -62,10 +62,10 @@
 //   v_store_row(rgb, stream, r, g, b)  LANES pixels of a row
 #pragma once
 
-#ifdef __x86_64__
-#include <immintrin.h>
-#else
+#ifdef __aarch64__
 #include <arm_neon.h>
+#else
+#include <immintrin.h>
 #endif
 #include <math.h>
 #include <stdbool.h>
@@ -81,13 +81,13 @@
 #include "simd/permute16.h"
 #include "simd/rgb16.h"
 #elif LANES == 8
-#ifdef __x86_64__
+#ifndef __aarch64__
 #include "simd/lanes8.h"
 #endif
 #include "simd/permute8.h"
 #include "simd/rgb8.h"
 #elif LANES == 4
-#ifdef __x86_64__
+#ifndef __aarch64__
 #include "simd/lanes4.h"
 #endif
 #else
