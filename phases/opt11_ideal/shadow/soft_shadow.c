@@ -73,10 +73,10 @@ INLINE void darken_by_group(const struct primitive *s, int i, struct soft_packet
     if (s->sharp) { // many rays enter it: closed forms tell them
         vmask dark = sharp_enter(s->sharp, o, d, w->active, w->near, w->far, &t);
         part.best = w->best = v_select(dark, v_splat(0.0f), w->best);
-        clip_to_parts(s->sharp, o, d, &part);
+        clip_to_parts(s, o, d, &part);
     }
-    vfloat found = field_widest(s->field, o, d, part.active, part.near, part.far, w->best, lit);
-    w->best = v_select(part.active, found, w->best);
+    vfloat found = field_widest(s->field, o, d, part.active, part.near, part.far, part.best, lit);
+    w->best = v_select(part.active, found, part.best);
 }
 
 // A Mandelbulb is searched for all queued rays at once, by search_bulb().
