@@ -114,7 +114,7 @@ INLINE vfloat lit_best(void) {
     return v_splat((float)(1.0 / scene_known.model.shadow_strength));
 }
 
-INLINE vfloat share_of(vfloat best) {
+INLINE vfloat light_share(vfloat best) {
     return v_min(v_splat((float)scene_known.model.shadow_strength) * best, v_splat(1.0f));
 }
 
@@ -196,7 +196,7 @@ INLINE void find_shares(int i, const struct seen at[ROWS], const struct arriving
         darken_by_self(i, at, rays, grazes, far_side, best);
     if (bits)
         darken_by_others(bits, rays, best);
-    EACH_ROW(k) share[k] = share_of(best[k]);
+    EACH_ROW(k) share[k] = light_share(best[k]);
 }
 
 INLINE void add_where(vmask m, struct vec *to, struct vec a) {

@@ -164,5 +164,5 @@ INLINE void plane_shares(int i, const struct vec d[ROWS], uint64_t bits, const v
         }
         darken_by_others(bits, rays, best);
     }
-    EACH_ROW(k) share[k] = share_of(best[k]);
+    EACH_ROW(k) share[k] = light_share(best[k]);
 }
