@@ -95,7 +95,7 @@ def widest_will_do(name: str) -> bool:
     excepted = os.environ.get("STEPWISE_WIDEST")
     if not plus or excepted is None or name in excepted.split():
         return False
-    patch = patches.folder(of, ROOT) / "ablations" / f"{title}.patch"
+    patch = patches.file(of, title, ROOT)
     return len(set(re.findall(r"\blanes\d+(?=_)", patch.read_text()))) < 2
 
 

@@ -21,7 +21,10 @@ from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import USABLE
 from study.core.run import render as run_driver
-from study.labs import answers
+from study.counting import cachegrind
+from study.labs import answers, crowds
+from study.numbers import stats
+from study.numbers.stats import Interval
 from study.pictures import images
 from study.pictures.gallery import Gallery
 
@@ -29,6 +32,7 @@ FILE = registry.ROOT / "docs" / "labs" / "labs.json"
 BASE = Spec("baseline", "baseline")
 DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views that a process draws before the one whose bits are compared
+COUNTED = 3  # times as high as what cachegrind counts is the picture
 ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
 ENDS = (".c", ".h")
@@ -47,8 +51,10 @@ class Lab:
     at work must rise, `calls`: a pattern of functions whose calls (“flops”: all FLOPs) may be at most `share`
     of the start's, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
     asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
-    `exact_db`). `answers`: the module of study.labs that asks for words and numbers. `hints`: what is said,
-    by the check that fails.
+    `exact_db`). Of one with a `height`, where baseline and truth would take too long: the start's bits there,
+    and at most `share` of the start's `events` (counting.cachegrind), by `threads`; of a scene of a `crowd`,
+    so many `shapes` of its kinds, where it names none. `answers`: the module of study.labs that asks for
+    words and numbers. `hints`: what is said, by the check that fails.
     """
 
     number: int
@@ -59,6 +65,11 @@ class Lab:
     start: str = ""
     scene: str = ""
     answers: str = ""
+    height: int = 0
+    crowd: tuple[str, ...] = ()
+    shapes: int = 0
+    events: str = ""
+    threads: int = 1
     speedup: float = 1.0
     same_bits: bool = False
     lanes: float = 0.0
@@ -150,15 +161,41 @@ def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
         made.append(
             Check("work", less, f"{what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})")
         )
-    ratio = result.ratio
+    return [*made, *of_ratio(lab, result.ratio)]
+
+
+def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:
     if not ratio.launches:
-        return made
+        return []
     fast = bool(ratio.sufficient and ratio.low >= lab.speedup)
     unsure = not fast and ratio.high >= lab.speedup
     said = f"at least {lab.speedup}× as fast as {lab.start}: {show.spread(ratio, 3, '×')}"
     if ratio.value > ABSURD * lab.speedup:
         said += "; no such change is known to gain that much: look for what is not drawn, or not timed"
-    return [*made, Check("unsure" if unsure else "speed", fast, said)]
+    return [Check("unsure" if unsure else "speed", fast, said)]
+
+
+def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
+    """Of start and solution alone: bits, events and time. Raises StudyError."""
+    both, size = try_.sides(args.phase, lab.start), scene.size(lab.height)
+    build_together([(spec, "render") for spec in both], len(USABLE))
+    shown = []
+    for spec in both:
+        out = try_.FOLDER / "images" / f"{spec}-{scene.name}.exr"
+        run_driver(spec, scene.path, *reversed(size), threads=lab.threads, out=out, timed=False)
+        shown.append(images.rgb(images.read(out)).tobytes())
+    made = [Check("picture", shown[0] == shown[1], f"every bit as {lab.start}'s")]
+    if lab.events:
+        what, share = cachegrind.EVENTS[lab.events][1], show.percent(lab.share)
+        counts = [cachegrind.counted(spec, scene, max(lab.height // COUNTED, 4)) for spec in both]
+        before, now = (one[lab.events] if one else None for one in counts)
+        said = f"{before:,} → {now:,}" if now is not None else f"not counted: {cachegrind.TOOL} is missing"
+        less = now is None or before is None or now <= lab.share * before
+        made.append(Check("work", less, f"{what}: at most {share} of {lab.start}'s ({said})"))
+    if args.untimed:
+        return made
+    ms = try_.times(both, scene, lab.height, args.launches, args.seed, lab.threads)
+    return made + of_ratio(lab, stats.ratio_interval(*(ms[spec] for spec in both)))
 
 
 def _calls(side: try_.Side, pattern: str) -> int | None:
@@ -256,8 +293,12 @@ def judged(args: argparse.Namespace) -> Outcome:
             raise StudyError(f"lab {lab.number} asks for a scene: make judge LAB={lab.number} SCENE=FILE")
         checks = of_scene(lab, args.file, args.n)
     else:
+        scene = crowds.scene(lab.crowd, lab.shapes, args.student) if lab.crowd else None
         if not args.phase:
-            raise StudyError(f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine")
+            place = f"; its scene is {scene.path.relative_to(registry.ROOT)}" if scene else ""
+            asks = f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine{place}"
+            raise StudyError(asks)
+        scene = scene or registry.find_scene(lab.scene)
         spec, checks = Spec.parse(args.phase), [of_source(lab, args.phase)]
         try:
             build(spec)
@@ -267,10 +308,13 @@ def judged(args: argparse.Namespace) -> Outcome:
             compiler = str(error)
             result = {"lab": lab.number, "checks": [], "hint": None, "try": None, "compiler": compiler}
             return Outcome(result, [compiler], status=DOES_NOT_COMPILE)
-        if checks[0].passed:
-            what = {"name": args.phase, "against": lab.start, "scene": lab.scene}
+        if checks[0].passed and lab.height:
+            checks += [of_views(spec, scene, lab.height), *of_pair(lab, scene, args)]
+        elif checks[0].passed:
+            named = registry.given(str(scene.path)) if lab.crowd else lab.scene
+            what = {"name": args.phase, "against": lab.start, "scene": named}
             told = try_.compared(argparse.Namespace(**vars(args) | what))
-            checks += [of_views(spec, registry.find_scene(lab.scene), args.n), *of_phase(lab, told)]
+            checks += [of_views(spec, scene, args.n), *of_phase(lab, told)]
     failing = next((one for one in checks if not one.passed), None)
     hint = (lab.hints | HINTS).get(failing.hint or failing.name, UNSURE) if failing else None
     lines = [try_.text(told), ""] if told and not args.untimed else []

@@ -123,12 +123,15 @@ def timed_height(both: Sides, scene: Scene) -> int:
     return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
 
 
-def times(both: Sides, scene: Scene, height: int, launches: int, seed: int) -> dict[Spec, list[float]]:
+def times(
+    both: Sides, scene: Scene, height: int, launches: int, seed: int, threads: int = 1
+) -> dict[Spec, list[float]]:
     """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
 
     def once(spec: Spec, padding: int) -> float:
         width, cpu = scene.size(height)[0], driver.FASTEST
-        made = driver.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding, reps=3, warmup=1)
+        how = {"cpu": cpu, "threads": threads, "env_bytes": padding}
+        made = driver.frames(spec, scene.path, height, width, **how, reps=3, warmup=1)
         with contextlib.closing(made):
             return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
 

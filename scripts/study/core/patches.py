@@ -26,6 +26,9 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
 
 and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
+A patch of docs/labs/starts/NAME or docs/labs/solutions/NAME is named and built alike, but is no ablation: no
+suite of theirs times it.
+
 Run as a program, by make: `patches.py NAME FOLDER` or `patches.py NAME+TITLE FOLDER` writes the tree.
 Standard library only: it runs before anything is installed.
 """
@@ -52,7 +55,7 @@ class PatchError(Exception):
 
 @dataclass(frozen=True)
 class Patch:
-    """One NAME/ablations/TITLE.patch. `diff`: its lines from `--- ` on, `first` the first's."""
+    """One NAME/ablations/TITLE.patch or a lab's. `diff`: its lines from `--- ` on, `first` the first's."""
 
     path: Path
     head: dict[str, str]
@@ -61,7 +64,11 @@ class Patch:
 
     @property
     def name(self) -> str:
-        return f"{self.path.parents[1].name}+{self.path.stem}"
+        return f"{self.phase}+{self.path.stem}"
+
+    @property
+    def phase(self) -> str:
+        return self.path.parents[self.path.parent.name == "ablations"].name
 
 
 def _text(path: Path) -> str:
@@ -119,12 +126,18 @@ def titles(phase: str, root: Path = ROOT) -> list[str]:
     return sorted(path.stem for path in (folder(phase, root) / "ablations").glob("[!.]*.patch"))
 
 
+def file(phase: str, title: str, root: Path = ROOT) -> Path:
+    """Where NAME+TITLE would stand: among the phase's ablations or, if it is there, among the labs'."""
+    own = folder(phase, root) / "ablations" / f"{title}.patch"
+    return own if own.is_file() else next(root.glob(f"docs/labs/*/{phase}/{title}.patch"), own)
+
+
 def chain(name: str, root: Path = ROOT) -> list[Patch]:
     """The patches that make NAME+TITLE, in the order in which they are applied. Raises PatchError."""
     phase, _, title = name.partition("+")
     found: list[Patch] = []
     while title:
-        path = folder(phase, root) / "ablations" / f"{title}.patch"
+        path = file(phase, title, root)
         if not path.is_file():
             known = ", ".join(titles(phase, root)) or "none"
             wanted = f", which {found[0].path} comes after" if found else ""
@@ -181,7 +194,7 @@ def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
             begin = int(hunk[1]) - (1 if old else 0)  # of nothing: the line behind which it goes
             where = _place(made[name], old, begin + shift)
             if where is None:
-                what = f"does not apply to {patch.path.parents[1].name}/{name}, which has changed there"
+                what = f"does not apply to {patch.phase}/{name}, which has changed there"
                 raise bad(f"{what}; make the patch again", at)
             made[name][where : where + len(old)] = new
             shift = where - begin + len(new) - len(old)

@@ -224,8 +224,8 @@ def find_phase(name: str, root: Path = ROOT) -> Phase:
 def _ablation(name: str, root: Path) -> Phase:
     base, _, title = name.partition("+")
     find_phase(base, root)
-    if title not in (known := patches.titles(base, root)):
-        raise _unknown(f"ablation of {base}", title, known)
+    if not patches.file(base, title, root).is_file():
+        raise _unknown(f"ablation of {base}", title, patches.titles(base, root))
     try:
         return msgspec.convert(
             patches.described(name, root) | {"path": root / "build" / name / "source"}, Phase

@@ -13,6 +13,7 @@ from study.core.registry import ROOT, Spec
 from study.numbers import stats
 
 SOLUTIONS = {1: "baseline+1_precomputed", 2: "opt6_wide", 4: "opt6_wide", 5: "opt8_streams", 6: "opt7_tiles"}
+SOLUTIONS |= {11: "opt3"}
 SMALL = ("--launches", "6", "--seed", "1")
 PAGES = ROOT / "docs" / "labs"
 
@@ -187,7 +188,7 @@ def test_pages_say_what_the_judge_asks():
             assert f"`{lab.breaks}`" in row and f"{lab.below_db} dB" in page
             continue
         Spec.parse(lab.start)
-        registry.find_scene(lab.scene)
+        assert lab.crowd or registry.find_scene(lab.scene)
         assert f"`{lab.start}`" in row and f"{lab.speedup}×" in row and f"{lab.speedup}×" in page
         assert f"make new-phase NAME=mine FROM={lab.start}\n" in page
         assert lab.hints.keys() >= {"picture", "speed"} | ({"lanes"} if lab.lanes else set())
@@ -200,6 +201,7 @@ def test_a_start_is_the_ablation_as_a_phase(start, tmp_path):
     (tmp_path / "phases").mkdir()
     for name in {*patches.lineage(phase), *patches.lineage("opt5_threads")}:  # whose tolerance it gets
         (tmp_path / "phases" / name).symlink_to(ROOT / "phases" / name)
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
     folder = new_phase.create("mine", start, tmp_path)
     registry.phases.cache_clear()
 
