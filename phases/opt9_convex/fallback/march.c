@@ -1,10 +1,8 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+// of implicit surfaces", The Visual Computer 12 (1996). A pair of packets marches until the last ray is done.
 #include "fallback/trace.h"
 #include "simd/simd.h"
 #include "types/ideal.h"
-
-#include <limits.h>
 
 // A ray leaves the bounds when |o + t·d|² > radius². That is a polynomial in t, and float knows it to a few
 // 2^-24 of radius². So a ray marches on until 2^-20 past the bounds, and within() checks its hit.
@@ -49,34 +47,73 @@ struct march_state {
     struct point origin; // at the distance `before`
     vfloat before, t, last, evals;
     vmask done, found;
-    int steps; // of the ray that has taken the fewest, among the rays that march on
+    vmask deep;    // a ray that started inside a shape has stepped back out of it
+    vfloat inside; // the shape that a ray of `deep` was in
+    struct hit_surroundings near;
 };
 
-// Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
-static inline void march(struct march_state *at, struct vec direction,
-                         const struct trace_context *world) {
+static inline bool going(const vmask done[PAIR]) {
+    return !v_all(done[0]) || !v_all(done[1]);
+}
+
+// Sets h to the scene's distances at t along the rays, but for a packet whose rays are done.
+__attribute__((noinline)) static void distances(const struct trace_context world[PAIR],
+                                                const vfloat t[PAIR], const vmask done[PAIR],
+                                                vfloat h[PAIR]) {
     const struct prepared *scene = world->scene;
-    struct bounds_exit exit = bounds_exit_of(at->origin, direction, &scene->model);
-    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
-    vmask done = at->done, found = at->found;
-    vfloat t = v_splat(0.0f), last = t, evals = at->evals;
-    for (int step = at->steps; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - v_count(done));
-        COUNT(march_step, call);
-        vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
-        evals = evals + v_zero_where(done, v_splat(1.0f));
-        vmask reached = v_andnot(done, reaches(distance, t, hit_distance));
-        last = v_select(reached, distance, last);
-        t = t + v_zero_where(v_or(done, reached), distance);
-        vmask ended = v_or(reached, v_andnot(done, outside(exit, t)));
-        if (v_any(ended)) {
-            found = v_or(found, reached);
-            done = v_or(done, ended);
-            if (v_all(done))
-                break;
+    bool on[PAIR] = {!v_all(done[0]), !v_all(done[1])};
+    h[0] = h[1] = v_splat(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *s = &scene->primitives[i];
+        const struct local_ray *rays[PAIR] = {&world[0].local_rays[i], &world[1].local_rays[i]};
+        vfloat to[PAIR];
+        if (s->type == SHAPE_MANDELBOX && on[0] && on[1])
+            distances_to_mandelbox(rays, t, s, to);
+        for (int k = 0; k < PAIR; k++)
+            if (on[k] && !(s->type == SHAPE_MANDELBOX && on[1 - k]))
+                to[k] = distance_to_shape(rays[k], t[k], s, done[k]);
+        for (int k = 0; k < PAIR; k++)
+            if (on[k])
+                h[k] = v_min(to[k], h[k]);
+    }
+}
+
+// The step cap; a float cannot count past 2^24.
+static inline vfloat most_evaluations(const struct model *model) {
+    return v_splat(fminf((float)model->march.max_steps, 0x1p24f));
+}
+
+// Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
+static void march(struct march_state at[PAIR], const struct ray_pair *rays,
+                  const struct trace_context world[PAIR]) {
+    const struct model *model = &world->scene->model;
+    vfloat hit_distance = v_splat((float)model->march.hit_distance), t[PAIR], h[PAIR];
+    vfloat most = most_evaluations(model);
+    struct bounds_exit exit[PAIR];
+    vmask done[PAIR];
+    for (int k = 0; k < PAIR; k++) {
+        done[k] = at[k].done;
+        t[k] = v_splat(0.0f);
+        exit[k] = bounds_exit_of(at[k].origin, rays->direction[k], model);
+        if (!v_all(done[k]))
+            at[k].t = at[k].last = t[k];
+    }
+    while (going(done)) {
+        distances(world, t, done, h);
+        for (int k = 0; k < PAIR; k++) {
+            if (v_all(done[k]))
+                continue;
+            ACTIVE(LANES - v_count(done[k]));
+            COUNT(march_step, call);
+            at[k].evals = at[k].evals + v_zero_where(done[k], v_splat(1.0f));
+            vmask reached = v_andnot(done[k], reaches(h[k], t[k], hit_distance));
+            at[k].last = v_select(reached, h[k], at[k].last);
+            at[k].found = v_or(at[k].found, reached);
+            t[k] = at[k].t = t[k] + v_zero_where(v_or(done[k], reached), h[k]);
+            vmask ended = v_or(reached, v_or(outside(exit[k], t[k]), v_cmp_ge(at[k].evals, most)));
+            done[k] = at[k].done = v_or(done[k], ended);
         }
     }
-    *at = (struct march_state){at->origin, at->before, t, last, evals, done, found, at->steps};
 }
 
 // Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to
@@ -88,31 +125,20 @@ shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *sh
     *shape = v_select(deep, inside, *shape);
 }
 
-// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray by itself.
-static int fewest(vfloat evals, vmask on) {
-    float had[LANES];
-    int least = INT_MAX;
-    v_store(evals, had);
-    for (unsigned rest = v_mask_bits(on); rest; rest &= rest - 1) {
-        int evaluations = (int)had[__builtin_ctz(rest)];
-        least = evaluations < least ? evaluations : least;
-    }
-    return least;
-}
-
-// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started in a shape,
-// `inside`. Precondition: the hits are the origins of world->local_rays, and `near` their surroundings.
-__attribute__((always_inline)) static inline void
-finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
-            struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
+// Completes hits at the end of a march: normal, shape and exact distance. Precondition: the hits are the origins of
+// world->local_rays.
+static void finish_hits(const struct march_state *at, struct vec direction,
+                        const struct trace_context *world, struct hit *hit) {
     const struct prepared *scene = world->scene;
+    vmask deep = at->deep;
+    struct hit_surroundings near = at->near;
     vfloat marched = at->before + at->t;
     vmask unmoved = v_cmp_ge(v_splat(0.0f), marched); // rays that hit where they start
     hit->found = v_and(hit->found, v_or(within(at->origin, &scene->model), unmoved));
     if (v_any(deep)) {
-        near.contact =
-            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
-        near.shape = v_select(deep, inside, near.shape);
+        near.contact = v_or(near.contact,
+                            v_and(deep, v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f))));
+        near.shape = v_select(deep, at->inside, near.shape);
     }
     vfloat slope;
     hit->normal = normal_at(direction, hit->found, &near, world, &slope);
@@ -124,151 +150,161 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     move_local_rays(more, scene, world->local_rays);
 }
 
-// Each hit becomes an origin in the frames of all shapes, where the distance is rounded at a shape's size. A
-// hit further than twice the hit distance from its shape marches on from there.
-void ray_march(struct point origin, struct vec direction, vmask active,
-               const struct trace_context *world, struct hit *hit) {
+// Places the hits of a march in the frames of all shapes, where the distance is rounded at a shape's size. Returns
+// whether rays march on: those whose hit is further than twice the hit distance from its shape. settled: hits of earlier
+// marches.
+static bool land(struct march_state *at, vmask settled, struct vec direction,
+                 const struct trace_context *world) {
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
-    vfloat most = v_splat((float)scene->model.march.max_steps);
-    struct march_state at = {
-        .origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
-    at.done = v_not(active);
-    vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
-    vfloat inside = v_splat(-1.0f);
-    struct hit_surroundings near = {zero, inside, v_mask_none()};
-    set_local_origins(origin, scene, world->local_rays);
+    if (!v_any(at->found))
+        return false;
+    vmask sunk = v_and(at->found, v_cmp_lt(at->last, v_splat(-twice)));
+    if (v_any(sunk))
+        shape_inside(sunk, at->t, world, &at->inside);
+    at->deep = v_or(at->deep, sunk);
+    at->origin = point_at(at->origin, direction, at->t, at->last);
+    set_local_origins(at->origin, scene, world->local_rays);
+    at->near = near_hit(at->found, world);
+    vmask off = v_and(
+        at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));
+    if (!v_any(off))
+        return false;
+    // The ray starts far enough back to be in front of the surface, even of a shape as thin as an ulp of t.
+    vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
+    at->origin.lo = vec_along(at->origin.lo, direction, back);
+    at->before = at->before + (at->t + (at->last + back));
+    set_local_origins(at->origin, scene, world->local_rays);
     set_local_directions(direction, scene, world->local_rays);
-    for (;;) {
-        vmask settled = at.found;
-        march(&at, direction, world);
-        if (!v_any(at.found))
-            break;
-        // march() counts from the ray with the fewest steps: others may have taken more than the cap.
-        at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
-        vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
-        if (v_any(sunk))
-            shape_inside(sunk, at.t, world, &inside);
-        deep = v_or(deep, sunk);
-        at.origin = point_at(at.origin, direction, at.t, at.last);
-        set_local_origins(at.origin, scene, world->local_rays);
-        near = near_hit(at.found, world);
-        vmask off =
-            v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
-        if (!v_any(off))
-            break;
-        // The ray starts far enough back to be in front of the surface, even of a shape as thin as an ulp of t.
-        vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
-        at.origin.lo = vec_along(at.origin.lo, direction, back);
-        at.before = at.before + (at.t + (at.last + back));
-        set_local_origins(at.origin, scene, world->local_rays);
-        set_local_directions(direction, scene, world->local_rays);
-        at.found = v_andnot(off, at.found);
-        at.done = v_andnot(off, at.done);
-        at.done = v_or(at.done, v_cmp_ge(at.evals, most));
-        int had = fewest(at.evals, off); // a float, which cannot count past 2^24
-        at.steps = had > at.steps ? had : at.steps + 1;
-    }
-    *hit = (struct hit){.found = at.found, .shape = v_splat(-1.0f), .evals = v_min(at.evals, most)};
-    if (!v_any(at.found))
-        return;
-    finish_hits(&at, direction, deep, inside, near, world, hit);
+    at->found = v_andnot(off, at->found);
+    at->done = v_or(v_andnot(off, at->done), v_cmp_ge(at->evals, most_evaluations(&scene->model)));
+    return true;
 }
+
+void ray_march(const struct ray_pair *rays, const struct trace_context world[PAIR],
+               struct hit hit[PAIR]) {
+    vfloat zero = v_splat(0.0f), none = v_splat(-1.0f);
+    vmask nowhere = v_mask_none(), settled[PAIR], ended[PAIR];
+    struct march_state at[PAIR];
+    for (int k = 0; k < PAIR; k++) {
+        ended[k] = v_not(rays->active[k]);
+        at[k] =
+            (struct march_state){rays->origin[k], zero,    zero,    zero, zero,
+                                 ended[k],        nowhere, nowhere, none, {zero, none, nowhere}};
+        set_local_origins(rays->origin[k], world->scene, world[k].local_rays);
+        set_local_directions(rays->direction[k], world->scene, world[k].local_rays);
+    }
+    while (going(ended)) {
+        for (int k = 0; k < PAIR; k++)
+            settled[k] = at[k].found;
+        march(at, rays, world);
+        for (int k = 0; k < PAIR; k++)
+            if (!v_all(ended[k]) && !land(&at[k], settled[k], rays->direction[k], &world[k]))
+                at[k].done = ended[k] = v_mask_all();
+    }
+    for (int k = 0; k < PAIR; k++) {
+        hit[k] = (struct hit){.found = at[k].found, .shape = none, .evals = at[k].evals};
+        if (v_any(at[k].found))
+            finish_hits(&at[k], rays->direction[k], &world[k], &hit[k]);
+    }
+}
+
+// Rays towards the light, at the distance t.
+struct shadow_march {
+    vfloat t, light, previous;
+    vmask done;
+    struct bounds_exit exit;
+};
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static vfloat soft_shadow(vmask active, struct bounds_exit exit,
-                          const struct trace_context *world) {
-    const struct prepared *scene = world->scene;
-    const struct model *model = &scene->model;
-    vmask done = v_not(active);
-    vfloat hit_distance = v_splat((float)model->march.hit_distance);
+static void step_soft(struct shadow_march *at, vfloat h, const struct model *model) {
     vfloat strength = v_splat((float)model->shadow_strength), zero = v_splat(0.0f);
-    vfloat least = v_splat(1.0f), previous = v_splat(1e20f),
-           t = v_splat((float)model->march.surface_offset);
-    for (int step = 0; step < model->march.max_steps; step++) {
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
-        done = v_or(done, reaches(h, t, hit_distance));
-        if (v_all(done))
-            break;
-        vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
-        vfloat inside = v_nmadd(y, y, square), beyond = t - y;
-        // The term is 0/0 on a ray straight away from a surface (h = 2·previous), and is left out.
-        // In float it is noise wherever inside/h² is of the order of h's rounding error, 1e-5 at least.
-        vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
-        // Tests strength·√inside/beyond < least without the root, as it is seldom true.
-        vfloat scaled = least * beyond;
-        vmask darker =
-            v_andnot(done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));
-        if (v_any(darker))
-            least = v_select(darker, strength * v_sqrt(inside) / beyond, least);
-        previous = h;
-        t = t + v_zero_where(done, h);
-        done = v_or(done, outside(exit, t));
-    }
-    return least;
+    at->done = v_or(at->done, reaches(h, at->t, v_splat((float)model->march.hit_distance)));
+    vfloat square = h * h, y = square / (v_splat(2.0f) * at->previous);
+    vfloat inside = v_nmadd(y, y, square), beyond = at->t - y;
+    // The term is 0/0 on a ray straight away from a surface (h = 2·previous), and is left out.
+    // In float it is noise wherever inside/h² is of the order of h's rounding error, 1e-5 at least.
+    vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
+    // Tests strength·√inside/beyond < least without the root, as it is seldom true.
+    vfloat scaled = at->light * beyond;
+    vmask darker =
+        v_andnot(at->done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));
+    if (v_any(darker))
+        at->light = v_select(darker, strength * v_sqrt(inside) / beyond, at->light);
+    at->previous = h;
+    at->t = at->t + v_zero_where(at->done, h);
+    at->done = v_or(at->done, outside(at->exit, at->t));
 }
 
-// Returns the ideal soft shadow, 0 ... 1: the least strength·h(t)/t up to the light. As h falls no faster
+// The ideal soft shadow: the least h(t)/t up to the light, from 1/strength. As h falls no faster
 // than t grows, no ratio is below `goal` within (h − goal·t)/(1 + goal). goal: so little below the least
 // ratio found that the result is at most ROOM too light (about ROOM² at a smooth minimum). Nothing is proved
 // of a fractal. A Mandelbox's rays pass near it all the way, and get larger steps.
 #define ROOM (1.0f / 64)
 #define BOX_ROOM (1.0f / 4)
 #define LEAST_STEP 0x1p-16f // of t, for strengths that ask for less
-static vfloat ideal_shadow(vfloat distance, vmask active, const struct trace_context *world) {
-    const struct prepared *scene = world->scene;
-    float strength = (float)scene->model.shadow_strength, lit = 1.0f / strength;
-    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(lit);
-    float share = scene->model.features.count[SHAPE_MANDELBOX] ? BOX_ROOM : ROOM;
-    vfloat room = v_splat(share * (lit < 1.0f ? lit : 1.0f));
-    vfloat t = v_splat((float)scene->model.march.surface_offset);
-    vmask done = v_or(v_not(active), v_not(v_cmp_lt(t, distance)));
-    while (!v_all(done)) {
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
-        least = v_select(done, least, v_min(least, v_max(h / t, zero)));
-        vmask going = v_and(v_cmp_gt(least, zero), v_cmp_lt(t, distance));
-        done = v_or(done, v_not(going));
-        vfloat goal = least - room;
-        vfloat step = v_max(v_nmadd(goal, t, h) / (one + goal), v_splat(LEAST_STEP) * t);
-        t = v_select(done, t, v_min(t + step, distance));
-    }
-    return v_min(v_splat(strength) * least, one);
+static void step_ideal(struct shadow_march *at, vfloat h, vfloat distance,
+                       const struct model *model) {
+    float lit = 1.0f / (float)model->shadow_strength;
+    float share = model->features.count[SHAPE_MANDELBOX] ? BOX_ROOM : ROOM;
+    vfloat room = v_splat(share * (lit < 1.0f ? lit : 1.0f)), zero = v_splat(0.0f), t = at->t;
+    at->light = v_select(at->done, at->light, v_min(at->light, v_max(h / t, zero)));
+    at->done = v_or(at->done, v_not(v_and(v_cmp_gt(at->light, zero), v_cmp_lt(t, distance))));
+    vfloat goal = at->light - room;
+    vfloat step = v_max(v_nmadd(goal, t, h) / (v_splat(1.0f) + goal), v_splat(LEAST_STEP) * t);
+    at->t = v_select(at->done, t, v_min(t + step, distance));
 }
 
-static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit,
-                          const struct trace_context *world) {
-    const struct prepared *scene = world->scene;
-    vmask done = v_not(active);
-    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
-    vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
-    for (int step = 0; step < scene->model.march.max_steps; step++) {
-        done = v_or(done, v_not(v_cmp_lt(t, distance)));
-        if (v_all(done))
-            break;
-        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
-        vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
-        lit = v_zero_where(blocked, lit);
-        done = v_or(done, blocked);
-        t = t + v_zero_where(done, h);
-        done = v_or(done, outside(exit, t));
-    }
-    return lit;
+static void step_hard(struct shadow_march *at, vfloat h, vfloat distance,
+                      const struct model *model) {
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
+    vmask blocked = v_andnot(at->done, reaches(h, at->t, hit_distance));
+    at->light = v_zero_where(blocked, at->light);
+    at->done = v_or(at->done, blocked);
+    at->t = at->t + v_zero_where(at->done, h);
+    at->done = v_or(at->done, v_or(outside(at->exit, at->t), v_not(v_cmp_lt(at->t, distance))));
 }
 
-// Returns 1 where the light reaches the point, 0 where it does not, and values between in the penumbra of a
-// soft shadow.
-vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
-              const struct trace_context *world) {
-    const struct prepared *scene = world->scene;
-    if (scene->model.shadows == SHADOWS_NONE)
-        return v_splat(1.0f);
-    set_local_directions(to_light, scene, world->local_rays);
-    struct bounds_exit exit = bounds_exit_of(point, to_light, &scene->model);
-    if (scene->model.shadows == SHADOWS_HARD)
-        return hard_shadow(distance, active, exit, world);
-    return SOFT_IS_IDEAL || scene->model.shadows == SHADOWS_IDEAL
-               ? ideal_shadow(distance, active, world)
-               : soft_shadow(active, exit, world);
+void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
+            const struct trace_context world[PAIR], vfloat light[PAIR]) {
+    const struct model *model = &world->scene->model;
+    vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength), t[PAIR], h[PAIR];
+    light[0] = light[1] = one;
+    if (model->shadows == SHADOWS_NONE)
+        return;
+    bool hard = model->shadows == SHADOWS_HARD;
+    bool ideal = !hard && (SOFT_IS_IDEAL || model->shadows == SHADOWS_IDEAL);
+    struct shadow_march at[PAIR];
+    vmask done[PAIR];
+    for (int k = 0; k < PAIR; k++) {
+        set_local_directions(rays->direction[k], world->scene, world[k].local_rays);
+        t[k] = v_splat((float)model->march.surface_offset);
+        done[k] = v_not(rays->active[k]);
+        if (hard || ideal)
+            done[k] = v_or(done[k], v_not(v_cmp_lt(t[k], distance[k])));
+        at[k] = (struct shadow_march){
+            t[k], v_splat(ideal ? 1.0f / (float)model->shadow_strength : 1.0f), v_splat(1e20f),
+            done[k], bounds_exit_of(rays->origin[k], rays->direction[k], model)};
+    }
+    for (int step = 0; going(done) && (ideal || step < model->march.max_steps); step++) {
+        distances(world, t, done, h);
+        for (int k = 0; k < PAIR; k++) {
+            if (v_all(done[k]))
+                continue;
+            if (hard)
+                step_hard(&at[k], h[k], distance[k], model);
+            else if (ideal)
+                step_ideal(&at[k], h[k], distance[k], model);
+            else
+                step_soft(&at[k], h[k], model);
+            t[k] = at[k].t;
+            done[k] = at[k].done;
+        }
+    }
+    for (int k = 0; k < PAIR; k++) {
+        light[k] = at[k].light;
+        if (ideal)
+            light[k] = v_min(strength * light[k], one);
+    }
 }

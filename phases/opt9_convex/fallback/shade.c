@@ -52,62 +52,90 @@ static struct vec from_to(struct point from, const double to[3]) {
     return vec_scale(point_sub(from, hi, lo), v_splat(-1.0f));
 }
 
-static struct vec light_at(struct point p, struct vec n, struct vec direction, vmask found,
-                           const struct surfaces *surface, const struct trace_context *world) {
-    vfloat zero = v_splat(0.0f);
-    struct vec base = surface->color;
-    struct vec to_light = from_to(p, world->view->light_position);
-    vfloat distance = vec_norm(to_light);
-    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
-    vfloat facing = vec_dot(n, to_light);
-    // Facing away from the light, both terms are 0 whatever the shadow. A point at the light has no direction
-    // to it.
-    vmask front = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
-    struct vec color = vec_scale(base, v_splat(0.01f)); // ambient
-    if (!v_any(front))
-        return color;
-    vfloat reach = shadow(p, to_light, distance, front, world) / distance;
-    // Reflects the light's direction, where the paper has R = −that.
-    vfloat shine = vec_dot(vec_reflect(to_light, n), direction);
-    vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
-    specular = v_select_or_zero(v_cmp_gt(shine, zero), specular);
+// Sets the colours of hits, without mirrors and fog.
+static void light_hits(const struct hit hit[PAIR], const struct vec direction[PAIR],
+                       const struct surfaces surface[PAIR], const struct trace_context world[PAIR],
+                       struct vec color[PAIR]) {
+    struct ray_pair rays;
+    vfloat distance[PAIR], facing[PAIR], light[PAIR], zero = v_splat(0.0f);
+    for (int k = 0; k < PAIR; k++) {
+        struct vec to_light = from_to(hit[k].point, world->view->light_position);
+        distance[k] = vec_norm(to_light);
+        rays.origin[k] = hit[k].point;
+        rays.direction[k] = vec_scale(to_light, v_splat(1.0f) / distance[k]);
+        facing[k] = vec_dot(hit[k].normal, rays.direction[k]);
+        // Facing away from the light, both terms are 0 whatever the shadow. A point at the light has no direction
+        // to it.
+        rays.active[k] =
+            v_and(hit[k].found, v_and(v_cmp_gt(facing[k], zero), v_cmp_gt(distance[k], zero)));
+    }
+    shadow(&rays, distance, world, light);
     const double *e = world->view->light_emission;
-    struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
-    struct vec bright = {v_madd(emission.x * v_madd(base.x, facing, specular), reach, color.x),
-                         v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
-                         v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
-    return vec_select(front, bright, color);
+    for (int k = 0; k < PAIR; k++) {
+        struct vec base = surface[k].color, ambient = vec_scale(base, v_splat(0.01f));
+        vfloat reach = light[k] / distance[k];
+        // Reflects the light's direction, where the paper has R = −that.
+        vfloat shine = vec_dot(vec_reflect(rays.direction[k], hit[k].normal), direction[k]);
+        vfloat specular =
+            v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface[k].shininess);
+        specular = v_select_or_zero(v_cmp_gt(shine, zero), specular);
+        struct vec sum = {v_madd(base.x, facing[k], specular), v_madd(base.y, facing[k], specular),
+                          v_madd(base.z, facing[k], specular)};
+        struct vec bright = {v_madd(v_splat((float)e[0]) * sum.x, reach, ambient.x),
+                             v_madd(v_splat((float)e[1]) * sum.y, reach, ambient.y),
+                             v_madd(v_splat((float)e[2]) * sum.z, reach, ambient.z)};
+        color[k] = vec_select(rays.active[k], bright, ambient);
+    }
 }
 
-void trace(struct point origin, struct vec direction, vmask active, int bounce,
-           const struct trace_context *world, struct shaded *result) {
+// Adds what mirrors show.
+static void add_mirrored(const struct hit hit[PAIR], const struct vec direction[PAIR], int bounce,
+                         const struct surfaces surface[PAIR],
+                         const struct trace_context world[PAIR], struct vec color[PAIR]) {
+    vfloat zero = v_splat(0.0f);
+    vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
+    struct ray_pair next;
+    struct shaded seen[PAIR];
+    for (int k = 0; k < PAIR; k++) {
+        next.origin[k] = point_at(hit[k].point, hit[k].normal, offset, zero);
+        next.direction[k] = vec_reflect(direction[k], hit[k].normal);
+        next.active[k] = v_and(hit[k].found, v_cmp_gt(surface[k].reflectivity, zero));
+    }
+    if (!v_any(v_or(next.active[0], next.active[1])))
+        return;
+    // One reflective ray makes the call; the others are masked out of it and of its colour.
+    trace(&next, bounce + 1, world, seen);
+    for (int k = 0; k < PAIR; k++) {
+        vmask mirror = next.active[k];
+        vfloat share = v_select_or_zero(mirror, surface[k].reflectivity * v_splat(0.1f));
+        color[k] = vec_along(color[k], vec_select(mirror, seen[k].color, color[k]), share);
+    }
+}
+
+void trace(const struct ray_pair *rays, int bounce, const struct trace_context world[PAIR],
+           struct shaded result[PAIR]) {
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
-    *result = (struct shaded){.color = background};
-    ray_march(origin, direction, active, world, &result->hit);
-    vmask found = result->hit.found;
-    if (!v_any(found))
+    struct hit hit[PAIR];
+    struct surfaces surface[PAIR];
+    struct vec color[PAIR];
+    ray_march(rays, world, hit);
+    for (int k = 0; k < PAIR; k++) {
+        result[k] = (struct shaded){background, hit[k]};
+        surface[k] = gather(hit[k].shape, hit[k].found, &world[k]);
+    }
+    if (!v_any(v_or(hit[0].found, hit[1].found)))
         return;
-    struct point p = result->hit.point;
-    struct vec n = result->hit.normal;
-    struct surfaces surface = gather(result->hit.shape, found, world);
-    struct vec color = light_at(p, n, direction, found, &surface, world);
-    if (model->features.mirrors && bounce < model->march.max_bounces) {
-        // One reflective ray makes the call; the others are masked out of it and of its colour.
-        vmask mirror = v_and(found, v_cmp_gt(surface.reflectivity, v_splat(0.0f)));
-        if (v_any(mirror)) {
-            struct point start =
-                point_at(p, n, v_splat((float)model->march.surface_offset), v_splat(0.0f));
-            struct shaded seen;
-            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
-            vfloat share = v_select_or_zero(mirror, surface.reflectivity * v_splat(0.1f));
-            color = vec_along(color, vec_select(mirror, seen.color, color), share);
+    light_hits(hit, rays->direction, surface, world, color);
+    if (model->features.mirrors && bounce < model->march.max_bounces)
+        add_mirrored(hit, rays->direction, bounce, surface, world, color);
+    for (int k = 0; k < PAIR; k++) {
+        if (model->features.fog) {
+            vfloat far_sq = vec_dot(hit[k].point.hi, hit[k].point.hi);
+            color[k] =
+                vec_scale(color[k], v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
         }
+        result[k].color = vec_select(hit[k].found, color[k], background);
     }
-    if (model->features.fog) {
-        vfloat far_sq = vec_dot(p.hi, p.hi);
-        color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
-    }
-    result->color = vec_select(found, color, background);
 }

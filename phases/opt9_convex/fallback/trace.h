@@ -4,6 +4,9 @@
 #include "simd/simd.h"
 #include "types/sdf.h"
 
+// Packets that are marched in turns: while one waits for a result, the other computes.
+enum { PAIR = 2 };
+
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
@@ -25,10 +28,19 @@ struct shaded {
 };
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
-void ray_march(struct point origin, struct vec direction, vmask active,
-               const struct trace_context *world, struct hit *hit);
-vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
-              const struct trace_context *world);
+struct ray_pair {
+    struct point origin[PAIR];
+    struct vec direction[PAIR];
+    vmask active[PAIR];
+};
+
+// world: one per packet.
+void ray_march(const struct ray_pair *rays, const struct trace_context world[PAIR],
+               struct hit hit[PAIR]);
+// Sets light to 1 where it reaches a ray's origin, 0 where it does not, and values between in the penumbra of a soft
+// shadow. The rays go towards the light, `distance` away.
+void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
+            const struct trace_context world[PAIR], vfloat light[PAIR]);
 // What near_hit() finds at hits that are the origins of world->local_rays. More exact than the march, which
 // rounds origin and direction in the frames of all shapes.
 struct hit_surroundings {
@@ -40,5 +52,5 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
 // Returns the normals of hits that are the origins of world->local_rays, and the slope there.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope);
-void trace(struct point origin, struct vec direction, vmask active, int bounce,
-           const struct trace_context *world, struct shaded *result);
+void trace(const struct ray_pair *rays, int bounce, const struct trace_context world[PAIR],
+           struct shaded result[PAIR]);

@@ -256,18 +256,25 @@ static inline vfloat folded(vfloat x, vfloat limit) {
 
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of
 // fixed_radius, scales it and adds p. dr is the most by which the iterations stretch a distance.
-static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+struct orbit {
+    struct vec w;
+    vfloat dr;
+};
+
+static inline void map_mandelbox(struct vec p, const struct primitive *s, struct orbit *at) {
     vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
-    vfloat one = v_splat(1.0f), dr = one;
-    struct vec w = p;
-    for (int i = 0; i < s->iterations; i++) {
-        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
-        vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
-        vfloat inversion = outer_sq / norm_sq;
-        w = vec_along(p, w, v_splat(s->a) * inversion);
-        dr = v_madd(v_splat(s->b) * inversion, dr, one);
-    }
-    return vec_norm(w) / dr;
+    struct vec w = {folded(at->w.x, limit), folded(at->w.y, limit), folded(at->w.z, limit)};
+    vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
+    vfloat inversion = outer_sq / norm_sq;
+    at->w = vec_along(p, w, v_splat(s->a) * inversion);
+    at->dr = v_madd(v_splat(s->b) * inversion, at->dr, v_splat(1.0f));
+}
+
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+    struct orbit at = {p, v_splat(1.0f)};
+    for (int i = 0; i < s->iterations; i++)
+        map_mandelbox(p, s, &at);
+    return vec_norm(at.w) / at.dr;
 }
 
 // Returns the distance at a point in the shape's frame, already wrapped if the shape is repeated.
@@ -288,6 +295,12 @@ distance_at(struct vec p, const struct primitive *s, vmask done) {
     }
 }
 
+// Returns the points at distance t along the rays, in the shape's frame, wrapped if it is repeated.
+static inline struct vec point_on(const struct local_ray *a, vfloat t, const struct primitive *s) {
+    struct vec p = vec_along(a->origin, a->direction, t);
+    return s->repeated ? vec_wrapped(s, p) : p;
+}
+
 // Returns the distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
 distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s, vmask done) {
@@ -296,10 +309,19 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s
             return sdf_power(v_madd(t, t + a->slope, a->power), s);
         return v_madd(t, a->direction.x, a->origin.x);
     }
-    struct vec p = vec_along(a->origin, a->direction, t);
-    if (s->repeated)
-        p = vec_wrapped(s, p);
-    return distance_at(p, s, done);
+    return distance_at(point_on(a, t, s), s, done);
+}
+
+// Two packets in turns: while one waits for a result, the other computes.
+static inline void distances_to_mandelbox(const struct local_ray *const rays[2], const vfloat t[2],
+                                          const struct primitive *s, vfloat to[2]) {
+    struct vec p[2] = {point_on(rays[0], t[0], s), point_on(rays[1], t[1], s)};
+    struct orbit at[2] = {{p[0], v_splat(1.0f)}, {p[1], v_splat(1.0f)}};
+    for (int i = 0; i < s->iterations; i++)
+        for (int k = 0; k < 2; k++)
+            map_mandelbox(p[k], s, &at[k]);
+    for (int k = 0; k < 2; k++)
+        to[k] = vec_norm(at[k].w) / at[k].dr;
 }
 
 // Returns the distance to the nearest shape, and sets its index if `nearest` is not NULL (the first of
