@@ -53,7 +53,7 @@ class Lab:
     asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
     `exact_db`). Of one with a `height`, where baseline and truth would take too long: the start's bits there,
     and at most `share` of the start's `events` (counting.cachegrind), by `threads`; of a scene of a `crowd`,
-    so many `shapes` of its kinds, where it names none. `answers`: the module of study.labs that asks for
+    so many `shapes` of its kinds, where it names none. `answers`: the function of study.labs that asks for
     words and numbers. `hints`: what is said, by the check that fails.
     """
 

@@ -17,13 +17,14 @@ TEMPLATE = "answers.json"
 @dataclass(frozen=True)
 class Question:
     """`word`: the right one of `words`. `number`: the right one, to the share `within`. None: not asked for.
-    `files`: what the student gets for it, by name."""
+    `hint`: the key of a wrong number's hint; without it the name. `files`: what the student gets, by name."""
 
     name: str
     words: Sequence[str] = ()
     word: str | None = None
     number: float | None = None
     within: float = 0.02
+    hint: str = ""
     files: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
@@ -34,8 +35,7 @@ class Answer(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Judged:
-    """`fails`: nothing, or the key of the hint: “word”; of a wrong number the question's word, if it has one,
-    else “number”."""
+    """`fails`: nothing, or the key of the hint: “word”, or that of the number."""
 
     name: str
     fails: str
@@ -43,8 +43,9 @@ class Judged:
 
 
 def questions(kind: str, student: int) -> list[Question]:
-    """Of the lab that study.labs.KIND draws. Raises StudyError."""
-    made: list[Question] = importlib.import_module(f"study.labs.{kind}").questions(student)
+    """Of the lab that the function study.labs.MODULE.NAME draws. Raises StudyError."""
+    module, _, name = kind.rpartition(".")
+    made: list[Question] = getattr(importlib.import_module(f"study.labs.{module}"), name)(student)
     return made
 
 
@@ -96,6 +97,6 @@ def judged(asked: Sequence[Question], answers: dict[str, Answer]) -> list[Judged
         elif one.number is not None:
             off = abs((answer.number or 0) - one.number)
             if answer.number is None or not off <= one.within * abs(one.number):
-                fails = one.word or "number"
+                fails = one.hint or one.name
         made.append(Judged(one.name, fails, said))
     return made

@@ -205,5 +205,5 @@ def questions(student: int) -> list[Question]:
         report, table = FAULTS[word](rng), io.StringIO()
         csv.writer(table, lineterminator="\n").writerows([report.columns, *report.rows])
         files = {f"report-{i}.txt": f"{report.text}\n", f"report-{i}.csv": table.getvalue()}
-        made.append(Question(f"report-{i}", tuple(FAULTS), word, report.number, files=files))
+        made.append(Question(f"report-{i}", tuple(FAULTS), word, report.number, hint=word, files=files))
     return made

@@ -53,7 +53,7 @@ def test_a_key_is_what_the_samples_say(word):
     """And the report's first number is another, but where nothing is wrong."""
     seen = 0
     for student in STUDENTS:
-        for one in answers.questions("statistics", student):
+        for one in answers.questions("statistics.questions", student):
             if one.word != word:
                 continue
             seen += 1
@@ -66,7 +66,9 @@ def test_a_key_is_what_the_samples_say(word):
 
 
 def test_each_student_has_five_kinds_and_other_numbers():
-    kinds = [[one.word for one in answers.questions("statistics", student)] for student in (1, 2, 3)]
+    kinds = [
+        [one.word for one in answers.questions("statistics.questions", student)] for student in (1, 2, 3)
+    ]
     assert all(len(set(words)) == statistics.REPORTS for words in kinds)
     assert len({tuple(words) for words in kinds}) == 3
 
@@ -75,7 +77,10 @@ def test_each_student_has_five_kinds_and_other_numbers():
 def handed_in(tmp_path, capsys):
     """Judges student 5's answers, of which one is changed: status, and the result."""
     path = tmp_path / "answers.json"
-    right = {one.name: {"word": one.word, "number": one.number} for one in answers.questions("statistics", 5)}
+    right = {
+        one.name: {"word": one.word, "number": one.number}
+        for one in answers.questions("statistics.questions", 5)
+    }
 
     def call(changed: dict | None = None) -> tuple[int, dict]:
         path.write_text(json.dumps(right | (changed or {})))
@@ -91,7 +96,7 @@ def test_right_answers(handed_in):
 
 
 def test_a_wrong_answer_has_its_hint_and_no_key(handed_in):
-    key = answers.questions("statistics", 5)[2]
+    key = answers.questions("statistics.questions", 5)[2]
     other = next(word for word in statistics.FAULTS if word != key.word)
     for wrong, hint in (
         ({"word": other, "number": key.number}, "word"),
