@@ -8,6 +8,7 @@ from study.core.show import NOTHING, Column, Row, cell, gone, interval, number, 
 from study.numbers.analysis import GENERATED, SIMDE
 
 TO_TRUTH = "to ground truth"  # in a head: this column is of accuracy.json
+TO_BASE = "against baseline"  # of verify.json
 
 
 def _phase(row: Row) -> str:
@@ -51,7 +52,7 @@ def _times(name: str) -> Callable[[Row], str]:
 
 
 def _pictures() -> list[Column]:
-    group = "error against baseline"
+    group = f"error {TO_BASE}"
     return [
         Column(group, "PSNR linear, dB", _psnr("psnr_db")),
         Column(group, "PSNR display, dB", _psnr("psnr_display_db")),
@@ -74,16 +75,23 @@ def _truth_psnr(name: str) -> Callable[[Row], str]:
 
 def truth_height(rows: Sequence[Row]) -> str:
     """“ at n = 180”: how high the pictures held against truth were; "" where none was."""
-    heights = sorted({int(at) for row in rows if not gone(at := cell(row, "truth_height"))})
+    return _height(rows, "truth_height")
+
+
+def _height(rows: Sequence[Row], key: str) -> str:
+    heights = sorted({int(at) for row in rows if not gone(at := cell(row, key))})
     return f" at n = {' and '.join(map(str, heights))}" if heights else ""
 
 
 def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
-    """The columns, with the height of the pictures in the heads of those to ground truth (or their group's):
-    it may be another than that of the time beside them."""
-    at = TO_TRUTH + truth_height(rows)
-    heads = [(one.group.replace(TO_TRUTH, at), one.name.replace(TO_TRUTH, at)) for one in shown]
-    return [replace(one, group=group, name=name) for one, (group, name) in zip(shown, heads, strict=True)]
+    """The columns, with the height of the pictures in the heads (or their group's) of those to ground truth
+    and against baseline: it may be another than that of the time beside them."""
+    found = []
+    for of, key in ((TO_TRUTH, "truth_height"), (TO_BASE, "error_height")):
+        at = of + _height(rows, key)
+        heads = [(one.group.replace(of, at), one.name.replace(of, at)) for one in found or shown]
+        found = [replace(c, group=g, name=n) for c, (g, n) in zip(found or shown, heads, strict=True)]
+    return found
 
 
 def _frames(row: Row) -> str:
@@ -109,7 +117,7 @@ LADDER = [
     Column(STEADY, "ns/pixel", plain("ns_per_pixel", 4)),
     Column("speed-up over", "baseline [95\u00a0%]", OVER_BASE),
     Column("speed-up over", "opt2, same flags [95\u00a0%]", OVER_OPT2),
-    Column("error against baseline", "tolerance", show.gate, show.gate_mark),
+    Column(f"error {TO_BASE}", "tolerance", show.gate, show.gate_mark),
     *_pictures(),
     Column(TRUE, "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
     Column(TRUE, "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
@@ -170,8 +178,8 @@ MAIN = [
     Column(f"PSNR {TO_TRUTH}, dB", "ideal shadow", _truth_psnr("truth_psnr_ideal_db")),
     Column(f"PSNR {TO_TRUTH}, dB", "exact surface", _truth_psnr("truth_surface_db")),
     Column("", "wrong hits, ppm", plain("truth_wrong_ppm")),
-    Column("against baseline", "PSNR, dB", _psnr("psnr_db")),
-    Column("against baseline", "tolerance", show.gate, show.gate_mark),
+    Column(TO_BASE, "PSNR, dB", _psnr("psnr_db")),
+    Column(TO_BASE, "tolerance", show.gate, show.gate_mark),
 ]
 # What a scene's ladder consists of: columns and title of each table.
 PARTS = (
@@ -196,7 +204,7 @@ RUNTIME = [
     Column("", "speed-up over baseline [95\u00a0%]", OVER_BASE),
     Column("", "over its one thread [95\u00a0%]", _over_one_thread),
     Column("", "PSNR linear, dB", _psnr("psnr_db")),
-    Column("", "tolerance", show.gate, show.gate_mark),
+    Column("", "tolerance", show.gate_at, show.gate_mark),
 ]
 THEIRS, AGAIN = "the paper, i7-7700 at 3.6 GHz", "its program, run again on Zen 5"
 PAPER = [

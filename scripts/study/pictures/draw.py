@@ -5,6 +5,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +34,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0, "alpha": 0.7}
 MARK = 5  # points: half of a mark's size
+LEAST, TITLE = 7, 150  # on paper: points of letters, characters of a title at most
+WIDE, LOW = 6, 4.2  # inches: of a panel that stands alone on paper, and its height there
+ON_PAPER: ContextVar[bool] = ContextVar("on_paper", default=False)
 STEPS = 500  # of adjustText, which else stops by the clock and draws another figure each time
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
@@ -56,9 +60,23 @@ class Drawing:
     note: str  # stands under it
     make: Callable[[], Figure]
 
-    def write(self, stem: Path) -> list[Path]:
+    def write(self, stem: Path, across: float | None = None) -> list[Path]:
+        """`across`: inches across on paper, where letters have LEAST points and the note stands apart."""
+        ON_PAPER.set(across is not None)
         with matplotlib.rc_context(STYLE):
-            return save(self.make(), stem, self.note)
+            figure = self.make()
+            return save(enlarged(figure, across) if across else figure, stem, "" if across else self.note)
+
+
+def enlarged(figure: Figure, across: float) -> Figure:
+    least = LEAST * figure.get_figwidth() / across
+    for axes in figure.axes:
+        axes.tick_params(labelsize=max(least, 8.5))
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(least, text.get_fontsize()))
+    if len(figure.get_suptitle()) > TITLE:
+        figure.suptitle("")  # the caption says it
+    return figure
 
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
@@ -145,9 +163,11 @@ def _names(axes: Axes) -> list[Name]:
 def panels(
     rows: pd.DataFrame, height: float, width: float = 4.6, columns: int = 3
 ) -> tuple[Figure, dict[str, Axes]]:
-    """A figure with one panel of that size (inches) per scene."""
+    """A figure with one panel of that size (inches) per scene. On paper wide ones stand below each other."""
     scenes = list(dict.fromkeys(rows.scene))
     columns = min(columns, len(scenes))
+    if ON_PAPER.get() and width > WIDE:
+        columns, height = 1, min(height, LOW)
     lines = math.ceil(len(scenes) / columns)
     figure = Figure(figsize=(max(width * columns, 8), height * lines + 1.0), layout="constrained")
     grid = figure.subplots(lines, columns, squeeze=False)

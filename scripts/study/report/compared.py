@@ -43,15 +43,18 @@ def _files(data: Data) -> list[tuple[str, str, int, Path]]:
     return [(*key, *value) for key, value in found.items()]
 
 
+def ends(data: Data) -> list[tuple[str, str, Path]]:
+    """Scene, phase and PNG: of the first two scenes the reference's picture and the last phase's."""
+    by_scene: dict[str, list[tuple[str, str, Path]]] = {}
+    for scene, phase, _, path in _files(data):
+        by_scene.setdefault(scene, []).append((scene, phase, path))
+    several = [some for some in by_scene.values() if len(some) > 1][:SCENES]
+    return [end for some in several for end in (some[0], some[-1])]
+
+
 def kept(data: Data) -> dict[Path, np.ndarray]:
-    """What a published run keeps for the slider: of its first two scenes the reference's picture and the last
-    phase's, at most KEPT across."""
-    by_scene: dict[str, list[Path]] = {}
-    for scene, _, _, path in _files(data):
-        by_scene.setdefault(scene, []).append(path)
-    several = [paths for paths in by_scene.values() if len(paths) > 1][:SCENES]
-    ends = [end for paths in several for end in (paths[0], paths[-1])]
-    return {path: _thinned(images.read_png(path), KEPT)[0] for path in ends}
+    """What a published run keeps for the slider, at most KEPT pixels across."""
+    return {path: _thinned(images.read_png(path), KEPT)[0] for _, _, path in ends(data)}
 
 
 def fragment(data: Data) -> str:

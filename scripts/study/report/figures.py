@@ -22,16 +22,16 @@ def content(section: Section) -> str:
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
-def _write(section: Section, name: str, drawing: Drawing, folder: Path) -> None:
+def _write(section: Section, name: str, drawing: Drawing, folder: Path, across: float | None) -> None:
     with reading(section.file or section.id, f"{section.script} --run {folder}"):
-        drawing.write(folder / name)
+        drawing.write(folder / name, across)
 
 
-def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None:
+def draw(sections: Sequence[Section], folder: Path, reuse: bool = False, across: float | None = None) -> None:
     """Draws the chapters' figures into `folder`, from their files alone, on all CPUs.
 
     Never those that the run's own figures/ may have: they can be of an older file. `reuse`: of a page that is
-    written several times, what was drawn of the same tables stays.
+    written several times, what was drawn of the same tables stays. `across`: as Drawing.write has it.
     """
     calls = []
     for section in sections:
@@ -39,7 +39,7 @@ def draw(sections: Sequence[Section], folder: Path, reuse: bool = False) -> None
         stays = reuse and known.is_file() and known.read_text() == key
         for name, drawing in section.drawn.items():
             if not (stays and all((folder / f"{name}{end}").is_file() for end in (".svg", ".png"))):
-                calls.append(partial(_write, section, name, drawing, folder))
+                calls.append(partial(_write, section, name, drawing, folder, across))
     in_processes(calls)
     for section in sections:
         if section.drawn:

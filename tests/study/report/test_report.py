@@ -256,7 +256,7 @@ def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Pat
     class Drawn:
         caption, note = "a", "b"
 
-        def write(self, stem: Path) -> list[Path]:
+        def write(self, stem: Path, across: float | None = None) -> list[Path]:
             paths = [stem.with_suffix(suffix) for suffix in (".svg", ".png")]
             written.append(stem.name)
             for path in paths:

@@ -35,7 +35,7 @@ def page(folder: Path) -> str:
     """README's figures as they are published; names of others come only nearly to their places."""
     whole = draw.Drawing.write
 
-    def write(drawing: draw.Drawing, stem: Path) -> list[Path]:
+    def write(drawing: draw.Drawing, stem: Path, across: float | None = None) -> list[Path]:
         with pytest.MonkeyPatch.context() as patch:
             if stem.name not in FIGURES.groups():
                 patch.setattr(draw, "STEPS", 10)
