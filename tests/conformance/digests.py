@@ -27,7 +27,7 @@ from study.core import registry  # noqa: E402  (the package stands in scripts/)
 from study.pictures import images  # noqa: E402
 
 SIZES = {"n90": ("-n", "90"), "97x53": ("-n", "53", "-w", "97")}
-COUNTED = ("scene0", "mandelbulb", "trio")
+COUNTED = ("scene0", "mandelbulb", "trio", "csg", "metaballs")
 LIMITS = {16: "", 8: "avx2", 4: "none"}  # STEPWISE_ISA_LIMIT by lane width
 KEYS = ("calls", "lanes", "paper", "machine", "useful")  # of a function
 SLOW = {registry.TRUTH}  # families that are drawn at 97x53 only
@@ -93,7 +93,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--build", type=Path, default=ROOT / "build", help="folder of the programs")
     parser.add_argument("--phase", nargs="+", default=list(registry.phases()))
-    parser.add_argument("--scene", nargs="+", default=list(registry.scenes()))
+    parser.add_argument("--scene", nargs="+", default=[*registry.scenes(), *registry.groups()])
     parser.add_argument("-o", "--out", type=Path, help="write the table as JSON")
     parser.add_argument("--against", type=Path, help="a table to compare with")
     return parser.parse_args()

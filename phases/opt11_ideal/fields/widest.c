@@ -7,7 +7,7 @@
 #include "fields/spheres.h"
 
 #define ROOM (1.0f / 64)
-#define DESCENT 0x1p-4f
+#define DESCENT 0x1p-3f
 enum { MOST_WIDEST_STEPS = 256 };
 
 // Returns the lesser of `best` and the least ratio between near and far. The field falls no faster than t grows, so no
@@ -110,9 +110,10 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
             best = v_select(active, ratio, best);
         }
     vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
+    float more = less_drop(f, count);
     active = v_and(active, v_cmp_gt(best, v_splat(0.0f)));
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], 0, o, d, best * per_share);
+        struct ball_span s = ball_span(f, list[i], more, o, d, best * per_share);
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
         begin = v_select(met, v_min(begin, s.in), begin);
         end = v_select(met, v_max(end, s.out), end);
@@ -129,7 +130,8 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     if (kept == 0 || (kept == 1 && f->sphere[list[0]] > 0))
         return best;
     if (f->blend > 0 && kept <= MOST_SPHERES)
-        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best, room);
+        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best,
+                                   v_splat(4.0f) * room);
     struct step steps[f->program->length];
     struct program part = part_of(f, list, kept, steps);
     return march_ratio(f, &part, o, d, active, begin, end, best, room);

@@ -72,6 +72,13 @@ static inline int list_balls(const struct field *f, const struct beam *b, float 
     return count;
 }
 
+// Returns how much larger balls need be if only `count` children have a part: less than 0. A blend of n spheres drops by
+// k/2·(1 − 1/n) at most.
+static inline float less_drop(const struct field *f, int count) {
+    float all = (float)f->balls.level[0].count;
+    return count > 0 ? 0.5f * f->blend * (1 / all - 1 / (float)count) : 0.0f;
+}
+
 static inline struct vec ball_centre(const struct field *f, int i) {
     const struct sphere_array *balls = &f->balls.level[0];
     return (struct vec){v_splat(balls->x[i]), v_splat(balls->y[i]), v_splat(balls->z[i])};

@@ -105,54 +105,59 @@ static vmask march_spheres(const struct field *field, const int *list, int count
     return v_and(found, v_cmp_lt(*t, far));
 }
 
-// Returns which rays come to the surface between begin and end, by the children whose balls, made larger by f->wider, they
-// meet there.
-static vmask enter_segment(const struct field *f, struct beam *b, struct vec o, struct vec d,
+// Returns which rays come to the surface between begin and end, by the listed children.
+static vmask enter_segment(const struct field *f, int *list, int count, struct vec o, struct vec d,
                            vmask active, vfloat begin, vfloat end, vfloat *t) {
-    int list[f->balls.level[0].count + 1], kept = 0;
-    clip_beam(b, active, begin, end);
-    int count = list_balls(f, b, 0, f->wider, list);
-    for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
-        vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
-        if (v_any(v_and(met, active)))
-            list[kept++] = list[i];
-    }
-    if (kept == 0)
+    if (count == 0)
         return v_mask_none();
-    if (kept == 1 && f->sphere[list[0]] > 0) {
+    if (count == 1 && f->sphere[list[0]] > 0) {
         float shrink = f->sphere[list[0]] - f->balls.level[0].radius[list[0]];
         struct ball_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
         *t = v_select(active, s.in, *t);
         return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, begin), v_cmp_lt(s.in, end)));
     }
-    if (f->blend > 0 && kept <= MOST_SPHERES)
-        return march_spheres(f, list, kept, o, d, active, begin, end, t);
+    if (f->blend > 0 && count <= MOST_SPHERES)
+        return march_spheres(f, list, count, o, d, active, begin, end, t);
     struct step room[f->program->length];
-    struct program part = part_of(f, list, kept, room);
+    struct program part = part_of(f, list, count, room);
     return march_field(f, &part, o, d, active, begin, end, t);
 }
 
-// Rays within the balls alone need be marched: from one ball to the next, in the order in which a ray enters them.
+// Rays within the balls alone need be marched: from one ball to the next, in the order in which a ray enters them. There a
+// child has a part if its ball is in reach, made larger by f->wider.
 static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
                          vfloat near, vfloat far, vfloat *t) {
-    int list[f->balls.level[0].count + 1];
+    int list[f->balls.level[0].count + 1], kept[f->balls.level[0].count + 1];
     struct beam b = beam_of(o, d, active, near, far);
-    int count = list_balls(f, &b, 0, 0, list);
+    int listed = list_balls(f, &b, 0, f->wider, list), count = 0;
+    struct ball_span ball[listed + 1], reach[listed + 1];
+    for (int i = 0; i < listed; i++) {
+        reach[count] = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
+        list[count] = list[i];
+        count += v_any(v_and(reach[count].met, active));
+    }
+    for (int i = 0; i < count; i++)
+        ball[i] = ball_span(f, list[i], less_drop(f, count), o, d, v_splat(0.0f));
     vmask found = v_mask_none();
     while (count > 0 && v_any(active)) {
         vfloat begin = far, end = far;
+        int parts = 0;
         for (int i = 0; i < count; i++) {
-            struct ball_span s = ball_span(f, list[i], 0, o, d, v_splat(0.0f));
-            vfloat in = v_max(s.in, near);
-            vmask first = v_and(v_and(s.met, v_cmp_gt(s.out, near)), v_cmp_lt(in, begin));
+            vfloat in = v_max(ball[i].in, near);
+            vmask first =
+                v_and(v_and(ball[i].met, v_cmp_gt(ball[i].out, near)), v_cmp_lt(in, begin));
             begin = v_select(first, in, begin);
-            end = v_select(first, v_min(s.out, far), end);
+            end = v_select(first, v_min(ball[i].out, far), end);
         }
         active = v_and(active, v_cmp_lt(begin, end));
         if (!v_any(active))
             break;
-        vmask here = enter_segment(f, &b, o, d, active, begin, end, t);
+        for (int i = 0; i < count; i++) {
+            vmask met = v_and(v_cmp_lt(reach[i].in, end), v_cmp_gt(reach[i].out, begin));
+            if (v_any(v_and(v_and(reach[i].met, met), active)))
+                kept[parts++] = list[i];
+        }
+        vmask here = enter_segment(f, kept, parts, o, d, active, begin, end, t);
         found = v_or(found, here);
         active = v_andnot(here, active);
         near = end;
