@@ -198,8 +198,14 @@ def heard(listener: Callable[[str], None]) -> Iterator[None]:
         listeners.remove(listener)
 
 
+def doing(text: str) -> None:
+    """Progress, which is no remark: nothing where somebody listens for those."""
+    if not listeners:
+        say(text)
+
+
 def say(text: str) -> None:
-    """Progress and remarks for people: standard error, so that --json stays parseable."""
+    """Remarks for people: standard error, so that --json stays parseable."""
     if listeners:
         return listeners[-1](text)
     sys.stderr.write(text + "\n")  # one write: lines of several threads stay whole

@@ -33,7 +33,7 @@ def animation(
     """MOVING, or `scene`, from its beginning, at `n` pixels' height: times in ms. Raises StudyError."""
     scene = scene or registry.animated()[MOVING]
     size = scene.size(n)
-    cli.say(f"{phase}: {frames} frames of {size[0]}×{size[1]}, {threads} threads")
+    cli.doing(f"{phase}: {frames} frames of {size[0]}×{size[1]}, {threads} threads")
     how = {"cpu": run.FASTEST, "threads": threads, "told": told}
     made = launches.render(phase, scene.path, size[1], size[0], animation=frames, warmup=2, **how)
     ms = np.array([frame.ns for frame in made.timed]) / 1e6

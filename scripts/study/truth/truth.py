@@ -45,7 +45,7 @@ def make(scene: Scene, size: Size, threads: int | None = None) -> Path:
     if path.exists():
         return path
     store.writable(CACHE)
-    cli.say(f"truth of {scene.name}, {size[0]}×{size[1]}: made once, then kept")
+    cli.doing(f"truth of {scene.name}, {size[0]}×{size[1]}: made once, then kept")
     _sweep()
     try:
         # Named by this process: a killed run's folder is known for what it is, and swept by the next one.

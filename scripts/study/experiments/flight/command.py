@@ -71,7 +71,7 @@ def rest(args: argparse.Namespace) -> Outcome:
     wanted = throttle.settings()
     rows = []
     for scene in scenes:
-        cli.say(f"{scene.name}: {len(wanted)} settings")
+        cli.doing(f"{scene.name}: {len(wanted)} settings")
         how = (args.psnr, args.wrong, args.launches, args.seed)
         rows.append(throttle.choose(scene, args.n or 90, *how, wanted, args.large))
     result = Throttle(**running.about(args), cpus=len(run.USABLE), rows=rows)

@@ -103,7 +103,7 @@ def fly(scene: Scene, settings: Settings, folder: Path) -> Row:
     """A scene's row. Its camera has a path; `folder` is for the scenes of the places. Raises StudyError."""
     camera, places = scene.content.camera, []
     for seconds in times(camera.path, settings.places):
-        cli.say(f"{scene.name} at {seconds:.3g} s")
+        cli.doing(f"{scene.name} at {seconds:.3g} s")
         within, ways = look(still(scene, seconds, folder), settings)
         where = position(camera.position, camera.path, seconds).tolist()
         places.append(Place(seconds=seconds, position=where, within=within, ways=ways))

@@ -120,11 +120,13 @@ def without(rows: Sequence[Entry], mpfr: bool) -> list[str]:
 def study(quick: bool, rounds: int, vectors: int, threads: int, seed: int, cpu: int | None) -> Functions:
     rows, mpfr = entries()
     lacking = without(rows, mpfr)
-    cli.say("\n".join([*lacking, "errors …"]))
+    if lacking:
+        cli.say("\n".join(lacking))
+    cli.doing("errors …")
     add_errors(rows, quick, threads, seed)
-    cli.say("edge cases …")
+    cli.doing("edge cases …")
     add_edges(rows)
-    cli.say("times …")
+    cli.doing("times …")
     clocks = add_times(rows, rounds, seed, cpu)
     normalised = normalise(vectors, min(rounds, NORMALISE_ROUNDS), seed, cpu)
     mark_front(rows)

@@ -60,7 +60,7 @@ def measured(
             result.rows += found
             result.skipped += missing
             result.seconds[scene.name] = round(time.monotonic() - begun, 1)
-            cli.say(f"{scene.name}: {len(found)} points, {result.seconds[scene.name]:.0f} s")
+            cli.doing(f"{scene.name}: {len(found)} points, {result.seconds[scene.name]:.0f} s")
             result.unfinished = [one.name for one in scenes if one.name not in result.seconds]
             result.winners = fronts.winners(result.rows)
             keep(result)

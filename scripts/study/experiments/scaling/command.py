@@ -55,7 +55,7 @@ def measure(args: argparse.Namespace) -> Outcome:
             took = time.monotonic() - begun
             left -= took
             rows, left_out = rows + found, left_out + without
-            cli.say(f"{one.name}: {len(found)} points in {took:.0f} s")
+            cli.doing(f"{one.name}: {len(found)} points in {took:.0f} s")
     if not rows:
         reasons = "; ".join(dict.fromkeys(one.reason for one in left_out))
         raise StudyError(f"nothing was measured: {reasons}")
@@ -73,6 +73,9 @@ def measure(args: argparse.Namespace) -> Outcome:
     )
     failed = hit_tables.not_finite([(f"{row.phase} in {row.series} at {row.x:g}", row) for row in rows])
     first = {(row.series, row.phase): row for row in reversed(left_out)}
-    remarks = [f"left out {r.phase} in {r.series} from {r.x:g} on: {r.reason}" for r in first.values()]
+    names = {f"{row.phase} in {row.series} from {row.x:g} on": row for row in first.values()}
+    long = [name for name, row in names.items() if row.foreseen_s]
+    remarks = [f"left out, for the time did not last: {', '.join(long)}"] * bool(long)
+    remarks += [f"left out {name}: {row.reason}" for name, row in names.items() if not row.foreseen_s]
     made = tables.found(result)
     return running.end(folder / FILE, result, made.parts, made.drawn, remarks=remarks, failed=failed)

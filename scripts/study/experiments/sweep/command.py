@@ -348,7 +348,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     with contextlib.closing(target), run.off(sweep.plan.cpu):
         sweep.plan.finished = None
         store.write_json(target.path / "plan.json", sweep.plan)
-        cli.say(f"run: {target}")
+        cli.doing(f"run: {target}")
         try:
             sweep.measure()
         except KeyboardInterrupt:

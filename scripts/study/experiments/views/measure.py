@@ -239,5 +239,5 @@ def study(pairs: Sequence[Pair], views: Sequence[View], settings: Settings) -> t
     if not plan.pace:
         reasons = [one.reason for one in (*plan.failures, *plan.left_out)]
         raise StudyError(f"nothing was measured: {(reasons or ['no phase'])[0]}", cli.CANNOT_RUN)
-    cli.say(f"{len(plan.pairs)} phases on {len(views)} views: {len(plan.pace)} points")
+    cli.doing(f"{len(plan.pairs)} phases on {len(views)} views: {len(plan.pace)} points")
     return rows(plan, measure(plan.pace, settings), pictures, settings), plan
