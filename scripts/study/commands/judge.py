@@ -194,6 +194,9 @@ def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
         made.append(Check("work", less, f"{what}: at most {share} of {lab.start}'s ({said})"))
     if args.untimed:
         return made
+    if lab.threads > len(USABLE):
+        why = f"lab {lab.number} needs {lab.threads} CPUs, of which {len(USABLE)} may be used; or --untimed"
+        raise StudyError(why, cli.CANNOT_RUN)
     ms = try_.times(both, scene, lab.height, args.launches, args.seed, lab.threads)
     return made + of_ratio(lab, stats.ratio_interval(*(ms[spec] for spec in both)))
 

@@ -34,6 +34,8 @@ def judged(monkeypatch, capsys):
     plain = {number: lab for number, lab in judge.labs().items() if lab.height}
     small = {n: dataclasses.replace(lab, shapes=min(lab.shapes, SMALL), height=4) for n, lab in plain.items()}
 
+    monkeypatch.setattr(judge, "USABLE", [0, 1])
+
     def times(both, scene, height, launches, seed, threads=1):
         return {both[0]: [2.0] * launches, both[1]: [0.5] * launches}
 
@@ -56,6 +58,7 @@ def judged(monkeypatch, capsys):
         (8, "opt2+by_type", None),
         (8, "opt2+spheres_apart", "work"),
         (8, "opt2+fast_root_1", "picture"),
+        (9, "opt5_threads", None),
     ],
 )
 def test_right_and_wrong_solutions(judged, monkeypatch, number, phase, fails):
@@ -144,8 +147,21 @@ def test_where_the_scene_is_is_said(judged):
         judged(7, "--student", 3)
 
 
+def test_threads_want_as_many_cpus(monkeypatch):
+    monkeypatch.setattr(judge, "USABLE", [0])
+    monkeypatch.setattr(judge, "build_together", lambda *_: None)
+    monkeypatch.setattr(judge, "run_driver", lambda *_, **__: None)
+    monkeypatch.setattr(judge.images, "read", lambda _: None)
+    monkeypatch.setattr(judge.images, "rgb", lambda _: SimplePicture())
+    args = judge.argparse.Namespace(phase="opt2+by_type", untimed=False)
+    lab = dataclasses.replace(judge.labs()[9], start="opt2")
+    with pytest.raises(cli.StudyError, match="2 CPUs") as raised:
+        judge.of_pair(lab, registry.find_scene("scene0"), args)
+    assert raised.value.exit_status == cli.CANNOT_RUN
+
+
 @pytest.mark.parametrize("path", PATCHES, ids=lambda path: path.stem)
 def test_a_patch_of_a_lab_applies_and_is_no_ablation(path):
     name = f"{path.parent.name}+{path.stem}"
     assert patches.read(path).name == name and patches.tree(name)
-    assert registry.find_phase(name).derives is None and path.stem not in patches.titles(path.parent.name)
+    assert registry.find_phase(name) and path.stem not in patches.titles(path.parent.name)
