@@ -73,6 +73,27 @@ def test_what_is_handed_in_is_made_from_the_start(lab, phase, fails):
     assert check.passed == (fails is None) and (fails is None or check.name == fails)
 
 
+@pytest.mark.parametrize(
+    ("name", "start", "fails"),
+    [
+        ("mine", "opt6_wide+awake", "unchanged"),
+        ("mine", "opt6_wide", None),
+        ("mine", "opt2", "start"),
+        ("opt6_mine", "opt6_wide", "start"),
+    ],
+)
+def test_a_student_s_own_phase_is_judged(name, start, fails, tmp_path):
+    """As new-phase makes it, from the start of lab 4 (without an edit), from its solution, or from others."""
+    (tmp_path / "phases").mkdir()
+    for one in {"opt6_wide", *patches.lineage("opt2"), *patches.lineage("opt5_threads")}:
+        (tmp_path / "phases" / one).symlink_to(ROOT / "phases" / one)
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    new_phase.create(name, start, tmp_path)
+    registry.phases.cache_clear()
+    check = judge.of_source(judge.labs()[4], name, tmp_path)
+    assert check.passed == (fails is None) and (fails is None or check.name == fails)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", [None, "near", "far"])
 def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
