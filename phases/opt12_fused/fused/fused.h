@@ -63,13 +63,20 @@ INLINE struct vec look_at_edges(const struct fused *f, const struct row *r, int 
     return vec_scale(d, v_madd(v_nmadd(norm, per, v_splat(1.0f)), per, per));
 }
 
+// Returns where a pixel is stored as it is displayed; NULL: it is not.
+INLINE uint8_t *shown_at(struct frame *frame, const struct row *r, int x) {
+    size_t pixel = (size_t)r->y * (size_t)frame->width + (size_t)x;
+    return frame->shown ? frame->shown + 3 * pixel : NULL;
+}
+
 // Stores a packet at the picture's right edge, or as it is displayed.
 NOINLINE void put_part(const struct row *r, int x, int count, const struct vec *color,
                        struct frame *frame) {
     float line[3 * LANES];
+    uint8_t *shown = shown_at(frame, r, x);
     v_store_row(line, false, color->x, color->y, color->z);
-    if (frame->shown)
-        display_samples(frame, r->y, x, line, count);
+    if (shown)
+        frame->show(frame->presenter, line, 3 * (size_t)count, shown);
     else
         memcpy(r->rgb + 3 * x, line, 3 * (size_t)count * sizeof *line);
 }

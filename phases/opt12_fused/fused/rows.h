@@ -5,9 +5,15 @@ INLINE void background_span(const struct fused *f, const struct row r[ROWS],
                             const struct fused_span *span, struct frame *frame) {
     const double *b = scene_known.model.background;
     struct vec color = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
-    EACH_ROW(k)
-    for (int x = span->x0; x < span->x1; x += LANES)
-        put(f, &r[k], x, color, frame);
+    EACH_ROW(k) {
+        put(f, &r[k], span->x0, color, frame);
+        uint8_t *first = shown_at(frame, &r[k], span->x0);
+        for (int x = span->x0 + LANES; x < span->x1; x += LANES)
+            if (first && x + LANES <= span->x1)
+                memcpy(first + 3 * (x - span->x0), first, 3 * LANES);
+            else
+                put(f, &r[k], x, color, frame);
+    }
 }
 
 // Whether plane i is no mirror, or its mirror rays in a span see only a black background.
@@ -217,13 +223,15 @@ EACH_PLANE(SPAN)
 static void draw_span(const struct fused *f, const struct row r[ROWS],
                       const struct fused_span *span, const struct smooth w[ROWS],
                       const struct job *job) {
-    bool colors = !job->frame->depth;
-    if (colors && span->kind == SPAN_BACKGROUND) {
+    bool mixed = span->kind == SPAN_MIXED || job->frame->depth; // which alone sets channels
+    for (int x = span->x0; x < span->x1 && mixed; x += LANES)
+        mixed_packets(f, r, x, span, w, job);
+    if (span->kind == SPAN_BACKGROUND) {
         background_span(f, r, span, job->frame);
         return;
     }
 #define SPAN(i)                                                                                    \
-    if (span->kind == SPAN_PLANE && span->shape == (i) && w[0].plane == (i) && colors &&           \
+    if (span->kind == SPAN_PLANE && span->shape == (i) && w[0].plane == (i) &&                     \
         mirrors_nothing(i, span, f)) {                                                             \
         plane_span_##i(f, r, span, w, job->frame);                                                 \
         return;                                                                                    \
@@ -231,14 +239,13 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
     EACH_PLANE(SPAN)
 #undef SPAN
 #define SPAN(i)                                                                                    \
-    if (SHAPE(i)->type == SHAPE_SPHERE && span->kind == SPAN_SOLID && span->shape == (i) &&        \
-        colors) {                                                                                  \
+    if (SHAPE(i)->type == SHAPE_SPHERE && span->kind == SPAN_SOLID && span->shape == (i)) {        \
         sphere_span(i, f, r, span, job);                                                           \
         return;                                                                                    \
     }
     EACH_SOLID(SPAN)
 #undef SPAN
-    for (int x = span->x0; x < span->x1; x += LANES)
+    for (int x = span->x0; x < span->x1 && !mixed; x += LANES)
         mixed_packets(f, r, x, span, w, job);
 }
 
