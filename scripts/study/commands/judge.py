@@ -9,7 +9,7 @@ import math
 import re
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +55,9 @@ class Lab:
     asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
     `exact_db`). Of one with a `height`, where baseline and truth would take too long: the start's bits there,
     and at most `share` of the start's `events` (counting.cachegrind), by `threads`; of a scene of a `crowd`,
-    so many `shapes` of its kinds, where it names none. `answers`: the function of study.labs that asks for
-    words and numbers. `hints`: what is said, by the check that fails.
+    so many `shapes` of its kinds, where it names none. Of one without a `start` that is the phase's parent,
+    and the picture must be within `truth_db` of ground truth. `answers`: the function of study.labs that asks
+    for words and numbers. `hints`: what is said, by the check that fails.
     """
 
     number: int
@@ -72,6 +73,7 @@ class Lab:
     shapes: int = 0
     events: str = ""
     threads: int = 1
+    truth_db: float = 0.0
     speedup: float = 1.0
     same_bits: bool = False
     lanes: float = 0.0
@@ -142,7 +144,11 @@ def of_views(spec: Spec, scene: Scene, height: int) -> Check:
 def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
     """Of what stepwise try measured beside the lab's start."""
     start, mine = result.sides
-    if lab.same_bits:
+    if lab.truth_db:
+        shown = mine.truth.shown.psnr_db
+        said = f"at least {lab.truth_db:g} dB to ground truth ({show.number(shown)})"
+        picture = Check("picture", shown >= lab.truth_db, said)
+    elif lab.same_bits:
         picture = Check("picture", result.same_bits, f"every bit as {lab.start}'s")
     else:
         fails = "; ".join(mine.fails)
@@ -304,7 +310,10 @@ def judged(args: argparse.Namespace) -> Outcome:
             asks = f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine{place}"
             raise StudyError(asks)
         scene = scene or registry.find_scene(lab.scene)
-        spec, checks = Spec.parse(args.phase), [of_source(lab, args.phase)]
+        spec = Spec.parse(args.phase)
+        if not lab.start:
+            lab = replace(lab, start=registry.parent_of(args.phase) or "")
+        checks = [of_source(lab, args.phase)]
         try:
             build(spec)
         except StudyError as error:

@@ -7,6 +7,7 @@ import secrets
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -113,8 +114,8 @@ def sides(name: str, against: str | None) -> Sides:
     return both
 
 
-def timed_height(both: Sides, scene: Scene) -> int:
-    """The largest height whose frame by either takes FRAME; by a frame of the least."""
+def timed_height(both: Sequence[Spec], scene: Scene) -> int:
+    """The largest height whose frame by each takes FRAME; by a frame of the least."""
     least = SIZES[-1]
     slowest = 0
     for spec in both:
@@ -124,7 +125,7 @@ def timed_height(both: Sides, scene: Scene) -> int:
 
 
 def times(
-    both: Sides, scene: Scene, height: int, launches: int, seed: int, threads: int = 1
+    both: Sequence[Spec], scene: Scene, height: int, launches: int, seed: int, threads: int = 1
 ) -> dict[Spec, list[float]]:
     """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
 

@@ -205,6 +205,13 @@ def test_pages_say_what_the_judge_asks():
         if lab.answers:
             assert lab.hints and not lab.start
             continue
+        if lab.truth_db:
+            assert (
+                f"{lab.truth_db} dB" in row
+                and f"{lab.truth_db} dB" in page
+                and registry.find_scene(lab.scene)
+            )
+            continue
         if lab.breaks:
             assert f"`{lab.breaks}`" in row and f"{lab.below_db} dB" in page
             continue
@@ -213,6 +220,15 @@ def test_pages_say_what_the_judge_asks():
         assert f"`{lab.start}`" in row and f"{lab.speedup}×" in row and f"{lab.speedup}×" in page
         assert f"make new-phase NAME=mine FROM={lab.start}\n" in page
         assert lab.hints.keys() >= {"picture", "speed"} | ({"lanes"} if lab.lanes else set())
+
+
+def test_the_course_has_every_lab_and_a_hundred_points():
+    text = (PAGES / "COURSE.md").read_text(encoding="utf-8")
+    weeks = [row.split("|")[1:-1] for row in re.findall(r"^\| \d+ \|.*$", text, re.MULTILINE)]
+    assert [int(row[0]) for row in weeks] == list(range(1, 14))
+    given = {int(number) for row in weeks for number in re.findall(r"\[(\d+)\]", row[3])}
+    assert given == judge.labs().keys() - {14, 15}  # the project; and what a course may add
+    assert sum(int(number) for row in weeks for number in re.findall(r"\d+", row[4])) == 100
 
 
 @pytest.mark.parametrize("start", [lab.start for lab in judge.labs().values() if "+" in lab.start])
