@@ -18,7 +18,7 @@ import pytest
 from study.core import cli, commands, registry, run, store
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
-from study.core.scene_json import Camera, Shape
+from study.core.scene_json import Camera, Displacement, Shape
 from study.experiments.peers import measure, peer, shader, tables
 from study.experiments.peers.measure import Measuring, Point
 from study.experiments.peers.peer import Drawn, Job, Peer
@@ -114,6 +114,18 @@ def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
     assert seen[0] == pytest.approx([2.105 * fog, 0.6 * fog, 3.61 * fog]) and list(seen[1]) == [0.25, 0, 0]
 
 
+RIPPLE = Displacement(0.3, (1, 1, 1))
+BLOCK = solid(
+    "group", operation="union", shapes=[solid("box", half_size=(1, 1, 1)), solid("sphere", radius=1.4)]
+)
+CORED = solid(
+    "group",
+    operation="difference",
+    position=(0, 0, 5),
+    shapes=[BLOCK, solid("sphere", radius=0.5), solid("capsule", radius=0.3, half_height=9)],
+)
+
+
 @pytest.mark.parametrize(
     ("shape", "inside", "outside"),
     [
@@ -125,6 +137,16 @@ def test_embrees_hits_are_shaded_as_the_format_has_it(tmp_path: Path) -> None:
         (solid("cone", bottom_radius=2, top_radius=1, half_height=1), [0, -0.99, 1.98], [0, -0.99, 2.01]),
         (solid("sphere", radius=1, position=(5, 0, 0)), [5.99, 0, 0], [6.01, 0, 0]),
         (solid("box", half_size=(1, 2, 3), rotation_degrees=(90, 0, 0)), [0, 2.99, 0], [0, 0, 2.01]),
+        (solid("box", half_size=(1, 2, 3), rounding=0.5), [1.35, 2.35, 3], [1.36, 2.36, 3]),
+        (solid("capsule", radius=1, half_height=2), [0.6, -2.79, 0], [0.6, -2.81, 0]),
+        (solid("gyroid", cell=math.tau, thickness=0.4), [0.35, 0, 0], [0.36, 0, 0]),
+        (solid("sphere", radius=1, position=(3, 0, 0), mirror="x"), [3.99, 0, 0], [-2, 0, 0]),
+        (solid("box", half_size=(3, 3, 1), twist=math.pi / 4), [0.9, 2, 2.9], [2.9, 2, 0.9]),
+        (solid("sphere", radius=2, displace=RIPPLE), [-1.2, 1.2, 1.2], [1.1, 1.1, 1.1]),
+        (solid("sphere", radius=2, shell=0.1), [1.91, 0, 0], [1.89, 0, 0]),
+        (solid("sphere", radius=2, offset=0.5), [2.49, 0, 0], [2.51, 0, 0]),
+        (CORED, [0.9, 0, 6], [0.2, 0.9, 5]),
+        (CORED, [-1.3, 0, 5], [-1.5, 0, 5]),
     ],
 )
 def test_fidgets_solids_are_below_zero_inside(shape: Shape, inside: list, outside: list) -> None:
@@ -134,24 +156,30 @@ def test_fidgets_solids_are_below_zero_inside(shape: Shape, inside: list, outsid
 
 
 def test_fidget_says_what_it_lacks() -> None:
-    for lacking in (solid("mandelbulb"), solid("box", rounding=0.1), solid("box", repeat=(1, 0, 0))):
+    blend = solid("group", operation="union", blend=0.1, shapes=[solid("sphere", radius=1)])
+    for lacking in (solid("mandelbulb"), blend, solid("box", repeat=(1, 0, 0))):
         with pytest.raises(StudyError, match="fidget"):
             fidget.solid(lacking, np.zeros(3))
 
 
-def test_fidgets_text_says_the_same() -> None:
-    scene, known = registry.find_scene("scene0_plain").content, {}
-    p = (1.7, -1.2, 11.5)
+@pytest.mark.parametrize(
+    ("name", "p"),
+    [("scene0_plain", (1.7, -1.2, 11.5)), ("csg", (1.1, 0.3, 12.2)), ("bumpy", (-2.3, 0.1, 12.8))],
+)
+def test_fidgets_text_says_the_same(name: str, p: tuple) -> None:
+    """Of a point inside a solid."""
+    scene, known = registry.find_scene(name).content, {}
     operations = {
         **{"add": float.__add__, "sub": float.__sub__, "mul": float.__mul__, "min": min, "max": max},
         **{"abs": abs, "sqrt": math.sqrt, "const": float},
+        **{"sin": math.sin, "cos": math.cos, "neg": float.__neg__},
     }
     for name, operation, *operands in map(str.split, fidget.expression(scene).splitlines()):
         values = [known.get(one, one) for one in operands]
         axis = "xyz".find(operation[-1]) if operation.startswith("var-") else -1
         known[name] = p[axis] if axis >= 0 else operations[operation](*values)
     least = min(fidget.solid(shape, np.array(p)) for shape in scene.shapes)
-    assert known[name] == pytest.approx(least) and least < 0  # inside the cone
+    assert known[name] == pytest.approx(least) and least < 0
 
 
 def test_fidgets_voxels_lie_along_a_pixels_ray() -> None:

@@ -32,10 +32,8 @@ class Point:
 
 
 def plain(name: str, folder: Path) -> Scene:
-    """The scene without shadows and mirrors, as NAME_plain.json in `folder`. Raises StudyError for groups."""
+    """The scene without shadows and mirrors, as NAME_plain.json in `folder`."""
     scene = registry.find_scene(name.removesuffix("_plain"))
-    if scene.content.has_groups:
-        raise StudyError(f"{name}: has groups or modifiers, which are not translated for other programs")
     materials = {key: {**one, "reflectivity": 0.0} for key, one in scene.data["materials"].items()}
     light = {**scene.data["light"], "shadows": "none"}
     data = {**scene.data, "light": light, "materials": materials}

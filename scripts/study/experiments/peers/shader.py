@@ -113,11 +113,12 @@ def colours(
     scene: Content, d: np.ndarray, met: np.ndarray, p: np.ndarray, n: np.ndarray, which: np.ndarray
 ) -> np.ndarray:
     """Linear colours of rays in the unit directions `d` (rays × 3), of which those of the mask `met` hit the
-    shapes `which` at `p` with the unit normals `n`. As common/scenes/README.md has them."""
+    leaves `which` at `p` with the unit normals `n`. As common/scenes/README.md has them."""
     d = d[met]
     n = np.where((n * d).sum(1, keepdims=True) > 0, -n, n)
-    colour = np.array([m.color for m in scene.of_shapes])[which]
-    shininess = np.array([m.shininess for m in scene.of_shapes])[which]
+    materials = [scene.materials[leaf.material] for shape in scene.shapes for leaf in shape.leaves]
+    colour = np.array([m.color for m in materials])[which]
+    shininess = np.array([m.shininess for m in materials])[which]
     to = np.subtract(scene.light.position, p)
     away = np.linalg.norm(to, axis=1, keepdims=True)
     to /= away
