@@ -75,8 +75,8 @@ new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived fro
 	@$(PY) scripts/stepwise new-phase $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)
 
 format: setup-test ## rewrite C and Python in the house style
-	@$(PY) -c "import clang_format; clang_format.clang_format()" -i $(wildcard common/*.[ch] common/*/*.[ch] common/*/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] systems/*/*.[ch] systems/*/*/*.[ch] truth/*.[ch] truth/*/*.[ch] tests/*/*.[ch] tests/*/*/*.[ch])
-	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
+	@$(PY) -c "import clang_format; clang_format.clang_format()" -i $(wildcard common/*.[ch] common/*/*.[ch] common/*/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] systems/*/*.[ch] systems/*/*/*.[ch] truth/*.[ch] truth/*/*.[ch] web/*.[ch] web/*/*.[ch] tests/*/*.[ch] tests/*/*/*.[ch])
+	@.venv/bin/ruff format -q scripts tests common web && .venv/bin/ruff check -q --fix scripts tests common web
 
 setup: ## install what `make study` needs: .venv and the packages that are missing
 	@scripts/setup.sh study

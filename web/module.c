@@ -140,19 +140,28 @@ EMSCRIPTEN_KEEPALIVE void web_move_light(double right, double up, double away) {
 
 // --- A frame: web_frame, then web_draw, which is the timed region, then web_picture.
 
+// Planes in the order of web_plane.
+static float **plane_at(int index) {
+    struct frame *f = &module.frame;
+    float **const planes[] = {&f->rgb, &f->depth, &f->id, &f->normal, &f->evals};
+    return index < (int)(sizeof planes / sizeof *planes) ? planes[index] : NULL;
+}
+
 static bool make_room(size_t pixels) {
-    const size_t apart = 64, floats = (pixels + 63) / 64 * 64 * sizeof(float);
     if (pixels <= module.room)
         return true;
-    free(module.frame.rgb);
-    free(module.frame.evals);
+    module.room = 0;
+    bool made = true;
+    for (int i = 0; plane_at(i); i++) {
+        free(*plane_at(i));
+        *plane_at(i) = aligned_alloc(64, 3 * sizeof(float) * ((pixels + 63) / 64 * 64));
+        made = made && *plane_at(i);
+    }
     free(module.rgb8);
     free(module.rgba);
-    module.frame.rgb = aligned_alloc(apart, 3 * floats);
-    module.frame.evals = aligned_alloc(apart, floats);
     module.rgb8 = malloc(3 * pixels);
     module.rgba = malloc(4 * pixels);
-    module.room = module.frame.rgb && module.frame.evals && module.rgb8 && module.rgba ? pixels : 0;
+    module.room = made && module.rgb8 && module.rgba ? pixels : 0;
     return module.room > 0;
 }
 
@@ -167,11 +176,11 @@ EMSCRIPTEN_KEEPALIVE struct view *web_frame(int width, int height, double second
     return &module.view;
 }
 
-// Draws the frame; `evaluations`: with their plane. Returns whether memory sufficed.
-EMSCRIPTEN_KEEPALIVE bool web_draw(bool evaluations) {
+// Draws the frame; `all`: with the planes beside its colours. Returns whether memory sufficed.
+EMSCRIPTEN_KEEPALIVE bool web_draw(bool all) {
     struct frame frame = module.frame;
-    if (!evaluations)
-        frame.evals = NULL;
+    if (!all)
+        frame.depth = frame.id = frame.normal = frame.evals = NULL;
     return (!module.world.scene.model.animated || phase_update(module.prepared, &module.moving)) &&
            phase_render(module.prepared, &module.view, &frame);
 }
@@ -204,9 +213,9 @@ EMSCRIPTEN_KEEPALIVE double web_evaluations(void) {
     return module.evaluations;
 }
 
-// Returns the frame in linear RGB, for tests.
-EMSCRIPTEN_KEEPALIVE const float *web_linear(void) {
-    return module.frame.rgb;
+// Returns a plane of the frame, for tests: 0 linear RGB, 1 depth, 2 shape, 3 normal, 4 evaluations.
+EMSCRIPTEN_KEEPALIVE const float *web_plane(int index) {
+    return *plane_at(index);
 }
 
 // --- The resolution. Starts anew below `most` rows.

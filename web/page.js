@@ -13,7 +13,8 @@ const canvas = $("canvas"),
   context = canvas.getContext("2d");
 const about = JSON.parse($("about").textContent);
 const sides = [{ name: "baseline" }, { name: about.at(-1).name }]; // the reference, the phase
-for (const side of sides) Object.assign(side, { canvas: document.createElement("canvas"), times: [], key: "" });
+for (const side of sides)
+  Object.assign(side, { canvas: document.createElement("canvas"), times: [], costs: [], key: "" });
 // serial: of the view, which changes with everything that a picture depends on. moved: when it last did.
 const state = {
   serial: 0,
@@ -52,7 +53,14 @@ async function open(side) {
   side.worker?.terminate();
   const code = new Blob([$("worker").textContent], { type: "text/javascript" });
   const worker = new Worker(URL.createObjectURL(code));
-  Object.assign(side, { worker, ready: false, busy: false, error: "", restart: true });
+  Object.assign(side, {
+    worker,
+    ready: false,
+    busy: false,
+    error: "",
+    restart: true,
+    costs: side.shown ? side.costs : [],
+  });
   worker.onerror = (event) => answered(side, { error: event.message });
   worker.onmessage = ({ data }) => worker === side.worker && answered(side, data);
   const compiledModule = await module(side.name);
@@ -71,6 +79,7 @@ function answered(side, data) {
     if (key !== side.key) side.times = [];
     side.key = key;
     side.times = [...side.times.slice(-59), drawn.ms];
+    side.costs = [...side.costs.slice(-14), drawn.ms / (width * height)];
     side.busy = false;
     side.shown = { ...drawn, serial: side.request.serial };
     side.canvas.width = width;
@@ -84,7 +93,7 @@ function answered(side, data) {
 // --- What is drawn
 
 const median = (list) => [...list].sort((a, b) => a - b)[list.length >> 1];
-const perPixel = (side) => median(side.times) / (side.shown.width * side.shown.height);
+const perPixel = (side) => median(side.costs); // in ms, of the last pictures of whatever size
 const paired = () =>
   sides.every(
     (side) => side.shown && side.shown.serial === sides[0].shown.serial && side.shown.height === sides[0].shown.height,
@@ -211,11 +220,15 @@ function tell(show, says) {
   }
   const both = sides.every((side) => side.shown && side.times.length),
     ratio = both ? perPixel(sides[0]) / perPixel(sides[1]) : 0;
-  $("ratio").textContent = both ? `${ratio.toFixed(ratio < 9.95 ? 1 : 0)}×` : "–";
+  $("ratio").textContent = both ? `${ratio.toFixed(ratio < 0.95 ? 2 : ratio < 9.95 ? 1 : 0)}×` : "–";
   const same = both && sides[0].shown.height === sides[1].shown.height;
   $("ratio-says").textContent = `as fast as ${sides[0].name}${both && !same ? ", per pixel" : ""}`;
-  const waits = sides.filter((side) => side.busy && side.shown && side.request.rows > side.shown.height);
+  const waits = sides.filter(
+    (side, i) =>
+      (i || show !== "phase") && !side.error && (!side.shown || (side.busy && side.request.rows > side.shown.height)),
+  );
   const wait = (side) => {
+    if (!side.shown) return `${side.name} draws its first picture.`;
     const { rows, aspect } = side.request;
     return `${side.name} draws ${Math.round(rows * aspect)} × ${rows} pixels: some ${duration(perPixel(side) * rows * rows * aspect)}.`;
   };
@@ -263,14 +276,24 @@ function tick(now) {
 
 // --- The scene
 
+// Scenes are of any size: a third of the way to what one sees in a second, as in the window (the median depth of a few
+// pixels). Where nothing is seen: a tenth of the way to the light.
+function fittingSpeed() {
+  const view = new Float64Array(wasm.memory.buffer, wasm.web_look(0), 19).slice();
+  const away = Math.hypot(view[13] - view[0], view[14] - view[1], view[15] - view[2]) / 10;
+  if (wasm.web_prepare() || !wasm.web_frame(9, 5, 0)) return away;
+  wasm.web_draw(true);
+  const depth = median(new Float32Array(wasm.memory.buffer, wasm.web_plane(1), 45));
+  return depth < Infinity ? depth / 3 : away;
+}
+
 // Takes a scene's text. Returns false, with the reader's message, if it is none.
 function take(text) {
   const bytes = new TextEncoder().encode(text);
   $("error").textContent = load(bytes);
   if ($("error").textContent) return false;
   state.scene = bytes;
-  const { position, look_at } = JSON.parse(text).camera;
-  state.speed = Math.hypot(...position.map((x, i) => x - look_at[i])) / 3;
+  state.speed = fittingSpeed();
   for (const side of sides) {
     side.shown = null;
     open(side);

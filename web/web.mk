@@ -14,6 +14,9 @@ $(error make web needs what is not here: sudo apt-get install $(strip $(WEB_LACK
 endif
 include common/rules.mk
 
+ifneq ($(shell command -v ccache),)
+export EM_COMPILER_WRAPPER := ccache
+endif
 # fopen: the scene is in memory. Threads are not used, so that the one function of theirs that musl lacks does nothing.
 WEB_FLAGS := -std=c11 -D_GNU_SOURCE -O3 -ffp-contract=off -msimd128 -Icommon -Iweb/include -I$(BUILD)/include -I$(BUILD)/jansson \
     -DLANES=8 '-DVARIANT(a)=lanes8_\#\#a' -Dfopen=web_open '-Dpthread_attr_setaffinity_np(a,b,c)=0' -Werror

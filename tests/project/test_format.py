@@ -11,7 +11,7 @@ import pytest
 from study.core.registry import ROOT
 
 TOOLS = Path(sys.executable).parent
-C_FOLDERS = ("common", "phases", "systems", "truth", "tests/c", "tests/calibration", "tests/emulate")
+C_FOLDERS = ("common", "phases", "systems", "truth", "web", "tests/c", "tests/calibration", "tests/emulate")
 COMMANDS = {
     "clang-format": ["--dry-run", "-Werror", *(p for f in C_FOLDERS for p in (ROOT / f).rglob("*.[ch]"))],
     "ruff check": ["check", "."],
