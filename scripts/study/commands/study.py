@@ -73,7 +73,12 @@ def newest(args: argparse.Namespace) -> tuple[Path | None, int]:
     return (None, 0) if None in sizes else (data.path, max(size[1] for size in sizes if size))
 
 
-def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
+def heights(height: int, depth: str) -> list[int]:
+    """What is timed beside the headline: a quick study's series of heights is the scaling chapter's alone."""
+    return [height // 2, height] if depth == "quick" else [height // 4, height // 2, height]
+
+
+def choose_height(scenes: Sequence[str], seconds: float, launches: int, depth: str) -> int:
     """The largest picture whose interleaved rounds fit the time, by the sweep's own calibration.
 
     Two sizes of each program tell its start and its frame apart; a frame's time goes with its pixels.
@@ -92,8 +97,7 @@ def choose_height(scenes: Sequence[str], seconds: float, launches: int) -> int:
         return count * (start + frame * (1 if frame > LONG_FRAME else frames))
 
     def total(height: int) -> float:
-        sizes = (height // 4, height // 2, height)
-        return sum(launched(program, n) for program in programs.values() for n in sizes)
+        return sum(launched(program, n) for program in programs.values() for n in heights(height, depth))
 
     return next((height for height in HEIGHTS if total(height) <= seconds), HEIGHTS[-1])
 
@@ -109,8 +113,8 @@ def sweep(args: argparse.Namespace) -> tuple[Outcome, int]:
         sizes = [height // 2, height]
     else:
         launches = LAUNCHES[args.depth]
-        height = choose_height(args.scene, args.budget, launches)
-        sizes = [height // 4, height // 2, height]
+        height = choose_height(args.scene, args.budget, launches, args.depth)
+        sizes = heights(height, args.depth)
         more += ["--budget", str(args.budget * (SLACK if args.depth == "quick" else 1))]
     return swept(args.scene, sizes, launches, *more), height
 

@@ -108,13 +108,21 @@ def plan_of(start: float, programs: dict[str, float]) -> Plan:
 )
 def test_the_largest_picture_that_fits(start, programs, seconds, height, monkeypatch):
     monkeypatch.setattr(commands, "called", lambda *_: (Outcome(cli.plain(plan_of(start, programs))), False))
-    assert run_study.choose_height(["s"], seconds, 6) == height
+    assert run_study.choose_height(["s"], seconds, 6, "standard") == height
+
+
+@pytest.mark.parametrize(("seconds", "height"), [(0.769, 160), (0.767, 128)])
+def test_a_quick_study_times_two_heights(seconds, height, monkeypatch):
+    """Six launches at 160 and 80: 4 frames of 0.0256 and 0.0064 s each, in all 0.768 s."""
+    made = Outcome(cli.plain(plan_of(0.0, {"a": 0.01})))
+    monkeypatch.setattr(commands, "called", lambda *_: (made, False))
+    assert run_study.choose_height(["s"], seconds, 6, "quick") == height
 
 
 @pytest.mark.slow
 def test_a_real_dry_run_tells_the_height():
-    assert run_study.choose_height(["two_spheres"], 1e9, 1) == run_study.HEIGHTS[0]
-    assert run_study.choose_height(["two_spheres"], 0, 1) == run_study.HEIGHTS[-1]
+    assert run_study.choose_height(["two_spheres"], 1e9, 1, "quick") == run_study.HEIGHTS[0]
+    assert run_study.choose_height(["two_spheres"], 0, 1, "quick") == run_study.HEIGHTS[-1]
 
 
 def test_every_experiment_has_a_quick_depth_or_says_why_not():

@@ -7,13 +7,13 @@ from study.experiments.verify import chapter, command
 from study.numbers import analysis
 from study.numbers.schema import Verify
 
-LEAST, QUICK = 180, 120  # pixels of height
+LEAST, QUICK = 180, 90  # pixels of height
 
 
 def calls(study: Study) -> list[Call]:
     """On every scene. Shares of pixels need pictures that are not too small."""
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
-    averaged = {"full": "180", "standard": "90"}.get(study.depth, "60")
+    averaged = {"full": "180", "standard": "90"}.get(study.depth, "45")
     height = QUICK if study.quick else max(study.height, LEAST)
     size = ["-n", str(height), "--antialias-n", averaged]
     run = ["--run", str(study.run)]
@@ -29,6 +29,6 @@ EXPERIMENT = Experiment(
     schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
-    cut="Pictures of height 120; the Mandelbulb's 4×4 means at height 60.",
+    cut="Pictures of height 90; the Mandelbulb's 4×4 means at height 45.",
     sections=[(510, chapter.verification)],
 )
