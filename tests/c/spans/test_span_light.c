@@ -119,7 +119,6 @@ TEST(test_pairs) {
     for (int n = 0; n < SCENES; n++) {
         struct random_scene scene;
         set_scene(&scene, COLUMNS, LINES);
-        set_scene(&scene, COLUMNS, LINES);
         set_frame(&scene);
         for (int k = 0; k < POINTS; k++) {
             int i = PLANES + k % SOLIDS, j = PLANES + (k / SOLIDS + 1 + k) % SOLIDS;
@@ -139,6 +138,37 @@ TEST(test_pairs) {
         }
     }
     assert_true(found > SCENES * POINTS / 50 && clear > SCENES * POINTS / 50);
+}
+
+// Spheres, which are their own balls, at the edge of each other's cone.
+TEST(test_pairs_at_the_edge) {
+    enum { I = PLANES, J = PLANES + 4 };
+    int found = 0;
+    for (int n = 0; n < 20 * SCENES; n++) {
+        struct random_scene scene;
+        set_scene(&scene, COLUMNS, LINES);
+        double q = 1 / scene.known.model.shadow_strength, m[3], z[3], from[3], d[3], p[3];
+        struct primitive *s = &scene.shape[I];
+        s->type = SHAPE_SPHERE;
+        set_size(s, 1);
+        assert_true(scene.shape[J].type == SHAPE_SPHERE);
+        between(&scene, J, q, m);
+        farthest_point(&scene, J, m, z);
+        // The plane of normal m touches sphere J and the ball of light: `far` from the light its points are just darkened.
+        double far = (dot3(m, scene.view.light_position) - dot3(m, z)) / q;
+        span_along(scene.view.light_position, m, -q * far, from);
+        span_along(z, from, -1, d);
+        span_along(z, d, random_from(0, 1), p);
+        span_along(p, m, s->a * random_from(0.9, 1), s->centre);
+        span_along(s->centre, m, -s->a, p); // its point that is darkened first
+        if (dot3(p, p) > 0.5 * BOUNDS * BOUNDS || !is_clear(&scene, scene.view.position) ||
+            !darkens(&scene, p, z, q))
+            continue;
+        set_frame(&scene);
+        assert_true(frame.pair[I] >> J & 1);
+        found++;
+    }
+    assert_true(found > SCENES);
 }
 
 TEST(test_mirrored_solids) {
