@@ -28,7 +28,6 @@ SETTINGS = {
     "build": [],
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
-    "build/asan-clang": ["CC=clang", "SANITIZE=1"],
     "build/arm64": ["CC=aarch64-linux-gnu-gcc", "SANITIZERS=-Og"],  # in two thirds of the time of -O1
     "build/arm64-asan": ["CC=aarch64-linux-gnu-gcc", "SANITIZE=1"],
     "build/tsan": ["SANITIZE=thread"],
@@ -120,7 +119,7 @@ def rest_tests() -> Tests:
     for name in phases("costs.def"):
         tests[f"{name} counted"] = {"build": [f"{name}/{'count/read' if name in READ else 'render-count'}"]}
     tests["ceilings sanitized"] = {"build/asan": ["ceilings"]}
-    tests["C tests by clang"] = {"build/asan-clang": [f"tests/{name}" for name in c_tests_by_clang()]}
+    tests["C tests by clang"] = {"build/clang": [f"tests/{name}" for name in c_tests_by_clang()]}
     if not arm64_missing():
         tests |= {f"{name} for aarch64": {"build/arm64": [f"{name}/render"]} for name in phases()}
         for folder, names in (("build/arm64", ARM64_TESTS), ("build/arm64-asan", ARM64_WORDS)):
@@ -206,9 +205,14 @@ def path_of(folder: str, target: str) -> str:
     return target if target == "c-tests" else f"{folder}/{target}"  # that one is a rule's name, no file
 
 
+def programs(wanted: Wanted) -> list[str]:
+    """Where everything that is wanted is once it is built."""
+    return [str(ROOT / path_of(folder, target)) for folder, targets in wanted.items() for target in targets]
+
+
 def environment() -> dict[str, str]:
-    """Of the builds and of the tests, which compile the same sources again in copies of the project: ccache
-    is asked first, and ablations have what runs here alone (phase_info.py)."""
+    """Environment of the builds and of the tests, which compile the same sources again in copies of the
+    project: ccache is asked first, and ablations have what runs here alone (phase_info.py)."""
     cached = {"PATH": f"{CCACHE}:{os.environ['PATH']}", **PARSED} if CCACHE.is_dir() else {}
     return {"STEPWISE_WIDEST": "opt6_wide+awake", **cached}  # drawn in both widths: test_lane_widths
 

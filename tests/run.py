@@ -104,10 +104,13 @@ def build(half: str, phase: str | None) -> dict[str, Tally]:
         needs.append(builds.quick_needs())
     if half in ("rest", "all"):
         tests |= builds.rest_tests()
-        needs.append(builds.rest_needs())
+        needs += [builds.rest_needs(), builds.together(builds.quick_tests().values())]
     if phase:
         tests, needs = builds.phase_tests(phase), []
+    wanted = builds.together([*tests.values(), *needs])
     failed = builds.build(tests, builds.together(needs), RESULTS)
+    if not failed:  # what a test runs is asked for once, not by each process of each test (core/build.py)
+        os.environ["STEPWISE_BUILT"] = os.pathsep.join(filter(os.path.exists, builds.programs(wanted)))
     return {"builds": Tally(len(tests) - len(failed), [f"builds: {name}" for name in failed])}
 
 

@@ -1,4 +1,5 @@
-"""The C tests (tests.mk): one program of each tests/c/FOLDER/test_NAME.c, sanitized, by gcc and by clang."""
+"""The C tests (tests.mk): one program of each tests/c/FOLDER/test_NAME.c: by gcc sanitized, by clang
+optimized, which shows what clang makes of lanes."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ from study.core import registry
 from study.core.registry import ROOT
 
 SOURCES = sorted(Path(__file__).parent.glob("*/test_*.c"), key=lambda path: -path.stat().st_size)
-FOLDERS = {"gcc": "build/asan", "clang": "build/asan-clang"}
-TARGETS = {"gcc": ["c-tests"], "clang": [f"build/asan-clang/tests/{name}" for name in c_tests_by_clang()]}
+FOLDERS = {"gcc": "build/asan", "clang": "build/clang"}
+TARGETS = {"gcc": ["c-tests"], "clang": [f"build/clang/tests/{name}" for name in c_tests_by_clang()]}
 PROGRAMS = [pytest.param(path, "gcc", id=f"{path.stem}-gcc") for path in SOURCES]
 PROGRAMS += [
     pytest.param(path, "clang", id=f"{path.stem}-clang", marks=pytest.mark.slow)
@@ -46,7 +47,7 @@ def missing_isa(source: Path) -> str:
 
 
 def said_of(results: Path, kind: str) -> list[str]:
-    """Of the cases that failed, or were skipped: name and text."""
+    """Name and text of the cases that failed, or were skipped."""
     cases = ET.parse(results).getroot().iter("testcase")
     return [f"{c.get('name')}: {(found.text or '').strip()}" for c in cases for found in c.iter(kind)]
 

@@ -26,7 +26,7 @@ def drawn(phase: str, out: Path, *options: str | int) -> Path:
 @pytest.mark.parametrize("options", [[], ["--display"]], ids=["", "display"])
 @pytest.mark.parametrize("phase", [REFERENCE, DISPLAYING])
 def test_png_and_ppm_are_what_the_window_shows(phase: str, options: list[str], tmp_path: Path) -> None:
-    """Of the same colours: by the formula, read by another library than the one that wrote them."""
+    """The same colours: by the formula, read by another library than the one that wrote them."""
     linear = images.rgb(images.read(drawn(phase, tmp_path / "a.exr")))
     png = images.read_png(drawn(phase, tmp_path / "a.PNG", *options))
     ppm = images.read_ppm(drawn(phase, tmp_path / "a.ppm", *options))

@@ -73,7 +73,7 @@ def test_how_deep_inside() -> None:
 
 
 def test_small_scenes() -> None:
-    """Of the cases whose answer is by construction: that they are constructed so."""
+    """Cases whose answer is by construction are constructed so."""
     assert camera_frame(marches.over_floor(1e-7))[3][1] == 0
     for depth in of(26).strengths:  # the light is inside the ball, in doubles too
         whole = light.lamp(depth)

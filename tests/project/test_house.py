@@ -135,13 +135,13 @@ def calls(objects: list[Path]) -> dict[str, set[str]]:
     """Which object uses a symbol that another one defines."""
     defined: dict[str, str] = {}
     wanted: list[tuple[str, str]] = []
-    for path in objects:
-        for line in subprocess.check_output(["nm", path], text=True).splitlines():
-            kind, name = line.split()[-2:]
-            if kind == "U":
-                wanted.append((path.stem, name))
-            elif kind.isupper():
-                defined[name] = path.stem
+    for line in subprocess.check_output(["nm", "-A", *objects], text=True).splitlines():
+        user = Path(line.partition(":")[0]).stem
+        kind, name = line.split()[-2:]
+        if kind == "U":
+            wanted.append((user, name))
+        elif kind.isupper():
+            defined[name] = user
     graph: dict[str, set[str]] = {}
     for user, name in wanted:
         if defined.get(name, user) != user:

@@ -41,7 +41,7 @@ def edges() -> dict[str, set[str]]:
 
 
 def upward(name: str, others: set[str]) -> set[str]:
-    """Of the imported modules those of packages that come later than the module's own."""
+    """Imported modules of packages that come later than the module's own."""
     level = ORDER.index(name.split(".")[1])
     return {other for other in others if ORDER.index(other.split(".")[1]) > level}
 

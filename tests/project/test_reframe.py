@@ -80,6 +80,7 @@ def test_a_test_of_reframe_is_one_interleaved_sweep(reframe: Path, where: list[s
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("where", ["squeue"], indirect=True)
 def test_a_sweep_that_fails_fails_the_test(reframe: Path, where: list[str], tmp_path: Path) -> None:
     """Though no exit status be told."""
     done = run(reframe, tmp_path, *where, phases="no_such_phase", scenes="trio", height=16, launches=2)

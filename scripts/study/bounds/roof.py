@@ -116,8 +116,8 @@ def remarks(points: Sequence[Point]) -> list[str]:
 
 
 def _nearest(pictures: Iterable[P], cell: Cell) -> tuple[float, int | None, P] | None:
-    """Of the cell's size the first, else of the nearest: factor of pixels, height they are scaled from (None:
-    they are its own), counts.
+    """Counts of the first picture of the cell's size, else of the nearest, as factor of pixels,
+    height they are scaled from (None: they are its own), counts.
     """
 
     def apart(one: P) -> tuple[bool, float]:

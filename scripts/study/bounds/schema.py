@@ -44,7 +44,7 @@ class Profiled(Drawn, kw_only=True, omit_defaults=True):
         return sum(one.samples for one in self.functions if one.function in names)
 
     def share_of(self, names: Collection[str]) -> float:
-        """Of the frame, of functions together."""
+        """Share of the frame that these functions take together."""
         return sum(one.weight for one in self.functions if one.function in names) / self.weight
 
 

@@ -37,7 +37,7 @@ NOTE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """Of the picture counted nearest in height (`counted_at`); `counts_of`: of which code, if another."""
+    """Work of the picture counted nearest in height (`counted_at`); `counts_of`: another code's name."""
 
     evals_per_pixel: float = math.nan
     lane_efficiency: float = math.nan

@@ -217,7 +217,7 @@ def _calls(side: try_.Side, pattern: str) -> int | None:
 
 
 def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
-    """Of the pictures of a scene. Raises StudyError for a scene that a phase cannot draw."""
+    """Checks of a scene's pictures. Raises StudyError for a scene that a phase cannot draw."""
     scene = registry.scene_at(path)
     specs = [BASE, Spec.parse(lab.start), Spec.parse(lab.breaks)]
     build_together([(spec, "render") for spec in specs], len(USABLE))

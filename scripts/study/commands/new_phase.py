@@ -14,7 +14,7 @@ from pathlib import Path
 from study.core import patches, registry, temporary
 from study.core.cli import Outcome, StudyError
 
-TAKEN = """accuracy asan asan-clang calibration ceilings clang common emulated frames functions
+TAKEN = """accuracy asan calibration ceilings clang common emulated frames functions
 hard-fma pdf scaling systems test-opinions test-results test-scenes tests toolchains tsan views"""
 BUILD_FOLDERS = {*TAKEN.split()}  # what else is made in build/, where a phase would be built too
 

@@ -67,7 +67,7 @@ def machines_block() -> str:
 
 
 def exact_surfaces() -> pd.DataFrame | None:
-    """Of the newest published run that holds Mandelbulbs against their exact surface: ladder.truth_errors."""
+    """Errors (ladder.truth_errors) in the newest published run that knows Mandelbulbs' exact surface."""
     made = []
     for file in REFERENCE.glob("*/accuracy.json"):
         if any(row.surface for row in accuracy.rows(file.parent)):

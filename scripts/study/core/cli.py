@@ -132,7 +132,7 @@ def _signalled(number: int, frame: object) -> None:
 
 
 def _name() -> str:
-    """Of the command as it was called, `stepwise sweep`: it stands where the script's path did."""
+    """The command's name as it was called, `stepwise sweep`: it stands where the script's path did."""
     return Path(sys.argv[0]).name
 
 

@@ -122,7 +122,7 @@ def folder(phase: str, root: Path = ROOT) -> Path:
 
 
 def titles(phase: str, root: Path = ROOT) -> list[str]:
-    """Of the phase's ablations, sorted."""
+    """Names of the phase's ablations, sorted."""
     return sorted(path.stem for path in (folder(phase, root) / "ablations").glob("[!.]*.patch"))
 
 

@@ -91,7 +91,7 @@ def of_phase(name: str) -> list[Cost]:
 
 
 def residues_of(name: str, costs: Iterable[Cost]) -> list[Residue]:
-    """Of the phase; of an ancestor's file, what is about parts that the phase has too."""
+    """The phase's residues; from an ancestor's file, those of parts that the phase has too."""
     path = registry.find_phase(name).file("residues.def")
     if not path.exists():
         return []

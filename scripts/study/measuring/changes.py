@@ -56,7 +56,7 @@ class Row:
 
     @property
     def p(self) -> float | None:
-        """Of the direction in which it seems to have changed."""
+        """Probability of chance, in the direction in which it seems to have changed."""
         return None if self.p_slower is None or self.p_faster is None else min(self.p_slower, self.p_faster)
 
     @property

@@ -300,7 +300,7 @@ def test_the_papers_table_is_beside():
 
 @pytest.mark.slow
 def test_the_hot_loop_of_arrays_is_found():
-    """Of the real program: the loop over shapes in opt2's sdf, which takes square roots."""
+    """In the real program: the loop over shapes in opt2's sdf, which takes square roots."""
     from study.core.build import build
     from study.core.registry import ROOT
 

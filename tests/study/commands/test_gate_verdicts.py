@@ -19,7 +19,7 @@ from study.numbers import significance
 pytestmark = pytest.mark.usefixtures("few_resamples")
 
 PHASES, SCENES, LAUNCHES = ("baseline", *(f"opt{i}" for i in range(1, 10))), ("s", "t"), 8
-MANY = pytest.mark.parametrize("gates", [2, pytest.param(40, marks=pytest.mark.slow)])
+MANY = pytest.mark.parametrize("gates", [2, pytest.param(20, marks=pytest.mark.slow)])
 FEW = 8  # gates of what must be so in each of them, not in 95 %
 
 
@@ -89,8 +89,8 @@ def test_the_rank_test_is_exact() -> None:
 
 @pytest.mark.slow
 def test_chance_is_what_the_page_says() -> None:
-    """Of 500 gates of 18 verdicts on identical launches, at most 2.5 % have a slower one."""
-    random, failed, gates = np.random.default_rng(46), 0, 500
+    """Of 250 gates of 18 verdicts on identical launches, at most 2.5 % have a slower one."""
+    random, failed, gates = np.random.default_rng(46), 0, 250
     for _ in range(gates):
         pairs = random.standard_normal((18, 2, LAUNCHES)) ** 2 + 1
         failed += min(significance.corrected([significance.longer(a, b) for a, b in pairs])) <= 0.025

@@ -18,6 +18,8 @@ from study.core.host.topology import USABLE
 from study.core.run_schema import Frame, Plan
 from study.core.store import Run
 
+pytestmark = pytest.mark.usefixtures("few_resamples")
+
 CONTEXT = functools.cache(machine.context)
 FROM = ["--time-from", r"took ([0-9.]+)"]
 

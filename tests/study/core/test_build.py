@@ -58,6 +58,16 @@ def test_a_missing_tool_is_named(root, monkeypatch, tools, missing):
     assert error.value.exit_status == CANNOT_RUN
 
 
+def test_what_the_run_of_the_tests_has_built_is_not_asked_of_make(root, monkeypatch):
+    """That program alone, by its whole path."""
+    built = root / "build" / "baseline" / "render"
+    monkeypatch.setenv(module.BUILT, os.pathsep.join(["/elsewhere/build/baseline/probe", str(built)]))
+    monkeypatch.setenv("PATH", str(root))  # where there is no make
+    assert module.build("baseline") == built
+    with pytest.raises(StudyError, match="make"):
+        module.build("baseline", "probe")
+
+
 def test_presenting_leaves_no_upper_half_in_use():
     """As the renderers' own objects do it: sanitizers clear what an optimised build may leave."""
     program = "build/tests/test_upper_halves"

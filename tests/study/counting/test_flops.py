@@ -245,7 +245,7 @@ def test_residues_are_parts_times_lanes_times_flops(phase):
 
 
 def test_a_derived_phase_has_its_ancestors_residues(tmp_path, monkeypatch):
-    """Of the parts that it has itself."""
+    """Those of the parts that it has itself."""
     about = store.read_json(registry.ROOT / "phases" / "opt4" / "phase.json")
     mine = {name: about[name] for name in ("title", "order", "idea", "paper")}
     mine |= {"name": "mine", "parent": "opt4", "derives": "opt4"}

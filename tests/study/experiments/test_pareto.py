@@ -84,8 +84,8 @@ def test_a_measure_without_a_figure_keeps_nobody_in_and_beats_nobody() -> None:
 @pytest.mark.slow
 def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_counts(tmp_path: Path) -> None:
     """A phase that could use every core is compared at equal resources; opt1's bits are baseline's."""
-    rungs = registry.ladder().items()
-    threaded = [name for name, phase in rungs if phase.threads and registry.cpu_supports(phase)]
+    steps = registry.ladder().items()
+    threaded = [name for name, phase in steps if phase.threads and registry.cpu_supports(phase)]
     scene = registry.find_scene("two_spheres")
     # of those with threads one that marches and one by closed forms
     specs = [Spec.parse(name) for name in dict.fromkeys(("baseline", "opt1", *threaded[:1], *threaded[-1:]))]

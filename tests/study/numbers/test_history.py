@@ -118,7 +118,7 @@ def test_the_interval_of_a_change_holds_the_true_one():
 
 
 def chapter(results, monkeypatch, times):
-    """Of the newest run, whose phases take `times` ns per pixel; opt7 is in no other run."""
+    """The chapter of the newest run, whose phases take `times` ns per pixel; opt7 is in no other run."""
     monkeypatch.setattr(history_chapter, "RESULTS", results)
     data = SimpleNamespace(path=results / "zen" / "run3")
     rows = pd.DataFrame(

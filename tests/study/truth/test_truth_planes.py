@@ -100,7 +100,7 @@ def drawn(name: str, shadows: str, folder: Path) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory) -> dict[str, dict[str, np.ndarray]]:
-    """Of the sphere, by kind of shadow."""
+    """Truth's pictures of the sphere, by kind of shadow."""
     folder = tmp_path_factory.mktemp("truth")
     return {shadows: drawn("sphere", shadows, folder) for shadows in ("none", "hard", "soft")}
 

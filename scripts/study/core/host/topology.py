@@ -77,7 +77,7 @@ def caches(cpu: int) -> list[Cache]:
 
 
 def pinned(cpu: int) -> Pinned:
-    """Of the CPU that is measured on: its kind, siblings and highest frequency."""
+    """Kind, siblings and highest frequency of the CPU that is measured on."""
     governor = read_text(SYSTEM / f"cpu{cpu}" / "cpufreq" / "scaling_governor")
     return Pinned(
         cpu=cpu,

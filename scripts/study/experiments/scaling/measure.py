@@ -209,7 +209,7 @@ class Measuring:
         return found
 
     def errors(self, x: int, made: Mapping[Point, Path]) -> dict[Point, Errors]:
-        """Of the kept pictures of one x: to truth, else to what stands for it."""
+        """Errors of the kept pictures of one x: to truth, else to what stands for it."""
         if self.pictures[x].scene.fractal:
             why_none = "a fractal's single samples are chaotic: make accuracy"
             return {point: {"reference": None, "why_none": why_none} for point in made}

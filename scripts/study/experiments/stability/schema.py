@@ -57,7 +57,7 @@ class Row(Record, kw_only=True):
 
     @property
     def place(self) -> int:
-        """Of the first strength that fails; the number of strengths where none does."""
+        """Number of the first strength that fails; that of all strengths where none does."""
         return len(self.strengths) if self.first_failure is None else self.strengths.index(self.first_failure)
 
 

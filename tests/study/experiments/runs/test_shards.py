@@ -84,7 +84,7 @@ def stepwise(*words: object) -> str:
 CASES = {
     "accuracy": ["--phase", "opt1", "opt4", "--scene", "trio", "mandelbulb", "-n", "16"],
     "animation": ["--scene", "spheres40_animated", "--phase", "opt4", "--frames", "4", "-n", "16"],
-    "random": ["--kind", "any", "scene", "--seeds", "2", "--scenes", "1", "--executions", "500"],
+    "random": ["--kind", "any", "cache", "--seeds", "1", "--scenes", "1", "--executions", "500"],
     "truth": ["--scene", "trio", "two_spheres", "mandelbulb", "-n", "12"],
     "stability": ["--phase", "baseline", "opt4", "--case", "7", "8", "21", "--strengths", "few"],
 }

@@ -213,8 +213,8 @@ TRUTH_ALONE = {"truth": bound(psnr_db=0.1)}
 
 
 @pytest.fixture
-def rung(driver, monkeypatch):
-    """Puts a rung with these tolerances behind opt4, whose picture is opt4's: off by 0.01 in red."""
+def step(driver, monkeypatch):
+    """Puts a step with these tolerances behind opt4, whose picture is opt4's: off by 0.01 in red."""
 
     def put(tolerance: dict, order: int = 6) -> None:
         made = msgspec.structs.replace(phase(tolerance, "opt9"), order=order)
@@ -224,8 +224,8 @@ def rung(driver, monkeypatch):
     return put
 
 
-def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, command, tmp_path):
-    rung(TRUTH_ALONE)
+def test_a_step_held_against_truth_alone_is_left_to_accuracy(step, driver, command, tmp_path):
+    step(TRUTH_ALONE)
     status, out, err = command("--phase", "opt9", "--scene", "trio", "mandelbulb", "--json")
     pairs = emitted.result(out)["pairs"]
     assert status == 0 and [pair["within_tolerance"] for pair in pairs] == [None, None]
@@ -234,8 +234,8 @@ def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, comma
     assert err.count("scripts/stepwise accuracy") == 1 and pairs[0]["heatmap"] is None
 
 
-def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung, driver, command, blank):
-    rung(TRUTH_ALONE)
+def test_a_step_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(step, driver, command, blank):
+    step(TRUTH_ALONE)
 
     def broken(height, width):
         picture = blank(height, width)
@@ -258,8 +258,8 @@ def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung
         (TRUTH_ALONE | {"smooth": bound(psnr_db=55)}, 6),
     ],
 )
-def test_who_declares_more_or_nothing_is_judged_here(rung, command, tolerance, order):
-    rung(tolerance, order)
+def test_who_declares_more_or_nothing_is_judged_here(step, command, tolerance, order):
+    step(tolerance, order)
     status, out, _ = command("--phase", "opt9", "--scene", "trio", "--json")
     assert status == 1 and emitted.result(out)["pairs"][0]["within_tolerance"] is False
 

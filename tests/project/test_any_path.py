@@ -1,4 +1,4 @@
-"""Places that a checkout is put in, and settings of other people."""
+"""A checkout in any path, with other people's settings."""
 
 from __future__ import annotations
 
