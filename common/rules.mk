@@ -135,20 +135,17 @@ $(BUILD)/%/syntax/read: $(phase_prerequisites)
 
 # --- Programs. The objects that every render has besides its phase:
 SCENE_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c common/workers/*.c))
-DRIVER_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out common/driver/driver.c common/driver/variant.c,$(wildcard common/driver/*.c)))
-RENDER = $(BUILD)/%/driver.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
-COUNTER = $(BUILD)/%/count/driver.o $(BUILD)/%/variant.o $(BUILD)/common/counting/tally.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
+DRIVER_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out common/driver/variant.c,$(wildcard common/driver/*.c)))
+RENDER = $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
+COUNTER = $(BUILD)/%/variant.o $(BUILD)/common/counting/driver.o $(BUILD)/common/counting/tally.o \
+    $(filter-out %/driver/driver.o,$(DRIVER_OBJECTS)) $(SCENE_OBJECTS)
 
-# The only objects of common/ that depend on the phase.
-$(BUILD)/%/driver.o: common/driver/driver.c $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/rules.mk
-	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
+# The only object of common/ that depends on the phase.
 $(BUILD)/%/variant.o: common/driver/variant.c common/driver/variant.h $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
-$(BUILD)/%/hits.o: common/tools/hits.c $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/rules.mk
-	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
-$(BUILD)/%/count/driver.o: common/driver/driver.c $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/common/counting/driver.o: common/driver/driver.c $(COMMON_HEADERS) common/rules.mk $(BUILD)/common/toolchain
 	@mkdir -p $(@D)
-	$(CC) $(COMMON_CFLAGS) -DSTEPWISE_COUNT -I$(BUILD)/$* -c $< -o $@
+	$(CC) $(COMMON_CFLAGS) -DSTEPWISE_COUNT -c $< -o $@
 $(BUILD)/%/count/flops.o: common/counting/flops.c $(COMMON_HEADERS) $$(call sources_of,$$*) $(BUILD)/%/phase_info.h common/rules.mk
 	@mkdir -p $(@D)
 	@test -f $(call tree_of,$*)/costs.def || { echo "$(call tree_of,$*)/costs.def is missing: FLOPs per function, see common/counting/flops.h" >&2; exit 1; }
@@ -169,7 +166,7 @@ $(BUILD)/common/tools/rays.o: common/tools/probe.c $(COMMON_HEADERS) common/rule
 	$(CC) $(COMMON_CFLAGS) -DRAYS -c $< -o $@
 $(BUILD)/%/rays: $(BUILD)/common/tools/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) -o $@
-$(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
+$(BUILD)/%/hits: $(BUILD)/common/tools/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) $(if $(EMBREE),-lembree$(EMBREE_VERSION)) -o $@
 
 # --- Basic blocks: a counter in each block of the timing build's assembly, or of assembly without inlining.

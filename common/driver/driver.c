@@ -11,7 +11,6 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include "phase_info.h"
 #include "timing/timer.h"
 
 #ifdef STEPWISE_COUNT
@@ -142,7 +141,7 @@ static int render_frame(struct session *s, int index, bool warmup, bool first) {
             snprintf(of, sizeof of, ", %d rays a pixel", o->samples * o->samples);
         printf("%s %s %dx%d%s: %.3f ms, %.1f ns/pixel, %.3g timer cycles at %.3f GHz, core clock "
                "%.2f GHz%s\n",
-               PHASE_NAME, s->scene.name, o->width, o->height, of, (double)m.ns / 1e6,
+               phase_built.phase, s->scene.name, o->width, o->height, of, (double)m.ns / 1e6,
                (double)m.ns / ((double)o->width * o->height), (double)m.tsc, s->tsc_hz / 1e9,
                (m.core_before + m.core_after) / 2e9, warmup ? " (warm-up)" : "");
     }
@@ -152,17 +151,17 @@ static int render_frame(struct session *s, int index, bool warmup, bool first) {
 // Allocates the frame and the displayed picture; false: memory is short.
 static bool allocate_pictures(struct session *s) {
     const struct options *o = &s->options;
-    static const char *const planes[] = {PHASE_PLANES NULL};
     s->presenter = presenter_create(o->threads);
     if (!s->presenter)
         return false;
-    if (o->display && PHASE_DISPLAY && o->samples == 1)
+    if (o->display && phase_built.display && o->samples == 1)
         return frame_create_display(&s->frame, o->width, o->height, s->presenter);
     s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height);
     if (!s->rgb8 ||
         (o->samples > 1 && !frame_create(&s->averaged, o->width, o->height, false, NULL)))
         return false;
-    return frame_create(&s->frame, o->width * o->samples, o->height * o->samples, o->aov, planes);
+    return frame_create(&s->frame, o->width * o->samples, o->height * o->samples, o->aov,
+                        phase_built.planes);
 }
 
 static int run(struct session *s) {
@@ -237,7 +236,7 @@ static bool same_file(const char *a, const char *b) {
 static int check(const struct session *s) {
     const struct options *o = &s->options;
     char error[SCENE_ERROR_SIZE];
-    const char *unsupported = groups_unsupported(PHASE_GROUPS, &s->scene);
+    const char *unsupported = groups_unsupported(phase_built.groups, &s->scene);
     if (!unsupported && phase_unsupported)
         unsupported = phase_unsupported(&s->scene);
     if (!unsupported && phase_picture_unsupported)
@@ -266,8 +265,8 @@ static bool stack_is_small(void) {
 }
 
 int main(int argc, char **argv) {
-    struct session s = {
-        .program = {PHASE_NAME, PHASE_FLAGS_FROM, PHASE_PRECISION, PHASE_COMPILER, variant_here()}};
+    struct session s = {.program = {phase_built.phase, phase_built.flags_from,
+                                    phase_built.precision, phase_built.compiler, variant_here()}};
     signal(SIGXFSZ, SIG_IGN); // beyond `ulimit -f` write() fails, and the error can be printed
     int status = driver_parse(argc, argv, &s.options);
     if (status != OK)
@@ -280,10 +279,11 @@ int main(int argc, char **argv) {
                             MIN_STACK >> 10, MIN_STACK >> 10);
     const char *missing = variant_missing();
     if (missing)
-        return driver_error(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);
-    if (s.options.threads > 1 && !PHASE_THREADS)
+        return driver_error(NO_ISA, "%s needs %s, which this CPU lacks", phase_built.phase,
+                            missing);
+    if (s.options.threads > 1 && !phase_built.threads)
         return driver_error(UNSUPPORTED, "%s runs on one thread; --threads 1 is all it takes",
-                            PHASE_NAME);
+                            phase_built.phase);
     char error[SCENE_ERROR_SIZE];
     if (!scene_load(s.options.scene, &s.options.overrides, &s.scene, error))
         return driver_error(BAD_INPUT, "%s", error);

@@ -26,7 +26,7 @@ struct conditions {
     long steal_ticks, ctx_voluntary, ctx_involuntary, faults_minor, faults_major, max_rss_kib;
 };
 
-// What the build fixed, from the generated phase_info.h.
+// What the build fixed (driver/variant.h), and what runs.
 struct program {
     const char *phase, *flags_from, *precision, *compiler;
     struct variant variant;

@@ -1,4 +1,4 @@
-// Checks the CPU for instruction sets and picks the variant to run.
+// What the build fixed, and which variant runs on this CPU.
 #include "driver/variant.h"
 
 #include <stdbool.h>
@@ -7,6 +7,12 @@
 
 #include "phase_info.h"
 #include "timing/timer.h"
+
+static const char *const planes[] = {PHASE_PLANES NULL};
+
+const struct phase_built phase_built = {PHASE_NAME,     PHASE_FLAGS_FROM, PHASE_PRECISION,
+                                        PHASE_COMPILER, planes,           PHASE_GROUPS,
+                                        PHASE_THREADS,  PHASE_DISPLAY};
 
 #ifdef __x86_64__
 #define ASK_CPU() __builtin_cpu_init()

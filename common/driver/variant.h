@@ -10,6 +10,15 @@ struct variant {
     const char *isa, *flags; // instruction sets that it needs, e.g. avx2+fma; compiler flags
 };
 
+// What the build fixed of the phase (phase_info.h). Here alone, so that the driver is compiled once for all phases.
+struct phase_built {
+    const char *phase, *flags_from, *precision, *compiler;
+    const char *const *planes; // its own in a picture, NULL after the last
+    bool groups, threads, display;
+};
+
+extern const struct phase_built phase_built;
+
 // Returns the widest variant that this CPU supports. For a phase without variants: lanes,
 // instruction sets and flags of its phase.json.
 struct variant variant_here(void);

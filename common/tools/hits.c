@@ -15,7 +15,6 @@
 #include <unistd.h>
 
 #include "driver/variant.h"
-#include "phase_info.h"
 #include "timing/timer.h"
 #include "tools/embree.h"
 
@@ -157,7 +156,7 @@ static int run(const struct scene *scene, const struct hits_options *options) {
         const char *said = phase_settings ? phase_settings(prepared) : "";
         json_t *record = json_pack(
             "{s:s, s:s, s:i, s:s, s:s, s:I, s:b, s:b, s:O, s:O, s:O, s:O, s:s, s:I, s:I}", "phase",
-            PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes, "isa",
+            phase_built.phase, "scene", scene->name, "lanes", variant_here().lanes, "isa",
             variant_here().isa, "settings", said, "count", (json_int_t)rays.count, "any", any,
             "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1], "embree1_ns", ns[2],
             "embree_stream_ns", ns[3], "embree", embree ? embree_version(embree) : reason,
@@ -215,7 +214,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "hits: %s\n", error);
         return 2;
     }
-    if (!(no = groups_unsupported(PHASE_GROUPS, &scene)) && phase_unsupported)
+    if (!(no = groups_unsupported(phase_built.groups, &scene)) && phase_unsupported)
         no = phase_unsupported(&scene);
     if (no)
         fprintf(stderr, "hits: %s\n", no);
