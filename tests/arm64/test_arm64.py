@@ -90,7 +90,7 @@ def test_random_scenes(phase: str) -> None:
     """Any scene that hypothesis draws: status 0, and a picture of finite numbers."""
     size = (3, 2) if phase == TRUTH else (11, 7)
 
-    @settings(max_examples=3, database=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=2, database=None, suppress_health_check=list(HealthCheck))
     @given(random_scenes())
     def each(whole: dict) -> None:
         for one in (whole, spheres_alone(whole)):

@@ -197,6 +197,7 @@ def test_working_sets_lie_between_the_caches(output: dict) -> None:
         assert sets["memory"] > max(sizes.values()) and sets["memory"] <= 512 << 20
 
 
+@pytest.mark.slow
 def test_what_the_cpu_lacks_is_null_with_a_reason(program: Path) -> None:
     environment = os.environ | {"STEPWISE_ISA_LIMIT": "none"}
     command = [program, "--samples", "5"]

@@ -35,7 +35,7 @@ def test_png_and_ppm_are_what_the_window_shows(phase: str, options: list[str], t
     np.testing.assert_array_equal(ppm, png)
 
 
-@pytest.mark.parametrize("phase", [REFERENCE, DISPLAYING, "truth"])
+@pytest.mark.parametrize("phase", [REFERENCE, DISPLAYING, pytest.param("truth", marks=pytest.mark.slow)])
 def test_samples_are_the_mean_of_a_larger_picture(phase: str, tmp_path: Path) -> None:
     """To a float's last digit that of images.box_average, by which fractals are judged."""
     large = call(phase, SCENE, "-n", 3 * 24, "-w", 3 * 41, "-o", tmp_path / "large.exr")

@@ -73,6 +73,7 @@ ALONG_A_RING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALONG_A_RING)
 def test_rays_along_a_rings_inner_side_are_not_lost(name: str, tmp_path: Path) -> None:
     place, look = ALONG_A_RING[name]

@@ -118,7 +118,10 @@ def test_a_side_that_cannot_be_measured_ends_it(here: Path, tmp_path: Path, brok
     assert done.returncode == 3 and called(here)[-1][1] == broken and not (tmp_path / "out" / "base").exists()
 
 
-@pytest.mark.parametrize("left", ["whole", "locked", "entry", "of a clone that is gone"])
+LEFT = [pytest.param(name, marks=pytest.mark.slow) for name in ("locked", "entry", "of a clone that is gone")]
+
+
+@pytest.mark.parametrize("left", ["whole", *LEFT])
 def test_what_a_killed_job_left_behind_is_replaced(here: Path, tmp_path: Path, left: str) -> None:
     base = tmp_path / "out" / "base"
     owner = here

@@ -141,6 +141,7 @@ def test_drift_is_said_and_common_drift_hides_no_difference(stepwise, tmp_path):
     assert done.stderr.count("drifted") == 2 and "faster" in done.stdout
 
 
+@pytest.mark.slow
 def test_every_value_of_vary_is_a_case(timed, tmp_path):
     """Of one command the ratios are to the first value; of two to the first command."""
     rows, _, _ = timed(*FROM, "--vary", "n", "2,4", "--", "echo took {n} ms")
@@ -242,7 +243,7 @@ def test_an_option_that_makes_no_sense_is_refused(stepwise, words):
     assert stepwise("time", *words, "--", "true").returncode == cli.BAD_INPUT
 
 
-@pytest.mark.usefixtures("few_resamples")
+@pytest.mark.slow
 def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path):
     """Two runs: the second one's `new` takes 12.5 ms instead of 10."""
     folders = []

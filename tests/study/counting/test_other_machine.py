@@ -112,6 +112,7 @@ for command in commands.find_all().values():
 """
 
 
+@pytest.mark.slow
 def test_every_command_is_there_without_packages_that_have_no_wheel() -> None:
     done = subprocess.run([sys.executable, "-c", WITHOUT], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

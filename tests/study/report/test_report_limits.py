@@ -39,6 +39,7 @@ def page(folder: Path) -> str:
     def write(drawing: draw.Drawing, stem: Path, across: float | None = None) -> list[Path]:
         if stem.name in FIGURES.groups():
             return whole(drawing, stem)
+        stem.parent.mkdir(exist_ok=True)
         with matplotlib.rc_context(draw.STYLE):
             figure = drawing.make()
             figure.set_layout_engine("none")
