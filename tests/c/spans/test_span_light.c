@@ -2,7 +2,7 @@
 // What solids darken, what mirrors show, and the polynomials of a row (opt12_fused, PROOFS.md, 6. to 10.), in double.
 #include "span_scenes.h"
 
-enum { SCENES = MANY(50), POINTS = 300, ROWS = MANY(2500), GRAIN = 8, COLUMNS = 201, LINES = 101 };
+enum { SCENES = MANY(30), POINTS = 300, ROWS = MANY(1200), GRAIN = 8, COLUMNS = 201, LINES = 101 };
 
 static struct fused_frame frame;
 
