@@ -116,15 +116,6 @@ static void march(struct march_state at[PAIR], const struct ray_pair *rays,
     }
 }
 
-// Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to
-// another shape.
-__attribute__((noinline)) static void
-shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
-    vfloat inside = v_splat(-1.0f);
-    sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
-    *shape = v_select(deep, inside, *shape);
-}
-
 // Completes hits at the end of a march: normal, shape and exact distance. Precondition: the hits are the origins of
 // world->local_rays.
 static void finish_hits(const struct march_state *at, struct vec direction,
@@ -160,8 +151,11 @@ static bool land(struct march_state *at, vmask settled, struct vec direction,
     if (!v_any(at->found))
         return false;
     vmask sunk = v_and(at->found, v_cmp_lt(at->last, v_splat(-twice)));
-    if (v_any(sunk))
-        shape_inside(sunk, at->t, world, &at->inside);
+    if (v_any(sunk)) { // the step back may bring it nearer to another shape
+        vfloat inside = v_splat(-1.0f);
+        sdf(world->local_rays, at->t, scene, v_not(sunk), &inside);
+        at->inside = v_select(sunk, inside, at->inside);
+    }
     at->deep = v_or(at->deep, sunk);
     at->origin = point_at(at->origin, direction, at->t, at->last);
     set_local_origins(at->origin, scene, world->local_rays);

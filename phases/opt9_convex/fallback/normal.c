@@ -89,24 +89,17 @@ static vfloat moved_distance(const struct primitive *s, const struct local_ray *
     return distance_at(moved_in(s, ray, step, axis), s, done);
 }
 
-static struct vec difference(const struct primitive *s, const struct local_ray *ray, vmask done,
-                             float step) {
-    vfloat f[4];
-    for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(s, ray, done, step, axis);
-    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-}
-
-// Returns the differences of the whole scene's distance, as in the other phases.
-static struct vec scene_difference(vmask done, float step, const struct trace_context *world) {
+// Returns the differences of the distance to `count` shapes from `first` on: of one, or of the whole scene, as in the
+// other phases.
+static struct vec difference(int first, int count, vmask done, float step,
+                             const struct trace_context *world) {
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = v_splat(INFINITY);
-        for (int i = 0; i < world->scene->model.shape_count; i++) {
+        for (int i = first; i < first + count; i++)
             f[axis + 1] = v_min(moved_distance(&world->scene->primitives[i], &world->local_rays[i],
                                                done, step, axis),
                                 f[axis + 1]);
-        }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
@@ -139,9 +132,11 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
     if (s->eval != EVAL_LINEAR && v_any(v_andnot(contact, found)))
-        rounded = difference(s, ray, v_not(found), step);
+        rounded = difference(shape, 1, v_not(found), step, world);
     if (v_any(near))
-        rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
+        rounded = vec_select(
+            near, difference(0, world->scene->model.shape_count, v_not(near), step, world),
+            rounded);
     switch (s->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:

@@ -324,18 +324,14 @@ static inline void distances_to_mandelbox(const struct local_ray *const rays[2],
         to[k] = vec_norm(at[k].w) / at[k].dr;
 }
 
-// Returns the distance to the nearest shape, and sets its index if `nearest` is not NULL (the first of
-// equals). Lanes of `done` may hold anything. Always inlined, so that the march keeps its state in registers.
-__attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *local_rays,
-                                                        vfloat t, const struct prepared *scene,
-                                                        vmask done, vfloat *nearest) {
+// Returns the distance to the nearest shape and sets its index (the first of equals). Lanes of `done` may hold anything.
+static inline vfloat sdf(const struct local_ray *local_rays, vfloat t, const struct prepared *scene,
+                         vmask done, vfloat *nearest) {
     vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        vfloat distance = distance_to_shape(&local_rays[i], t, &scene->primitives[i], done);
-        if (nearest) { // known where it is inlined
-            *nearest =
-                v_select(v_cmp_lt(distance, least), v_splat(scene->primitives[i].index), *nearest);
-        }
+        const struct primitive *s = &scene->primitives[i];
+        vfloat distance = distance_to_shape(&local_rays[i], t, s, done);
+        *nearest = v_select(v_cmp_lt(distance, least), v_splat(s->index), *nearest);
         least = v_min(distance, least);
     }
     return least;
