@@ -55,9 +55,12 @@ def picture(data: dict, folder: Path, *options: str, **env: str) -> tuple[images
     return images.read(out), json.loads(run.stdout)["kernel"]
 
 
-@pytest.mark.parametrize("tilted", [False, True])
-def test_spans_draw_what_tiles_draw(tilted: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("tilted", "lanes"), [(False, "avx2"), (True, "")])
+def test_spans_draw_what_tiles_draw(
+    tilted: bool, lanes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Hits of closed forms to the bit: else a ray that grazes a solid hits it here and misses it there."""
+    monkeypatch.setenv("STEPWISE_ISA_LIMIT", lanes)
     data = scene(tilted)
     tiles, kernel = picture(data, tmp_path, "--aov", STEPWISE_CC="none")
     assert kernel != "generated"
