@@ -113,7 +113,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     float more = less_drop(f, count);
     active = v_and(active, v_cmp_gt(best, v_splat(0.0f)));
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], more, o, d, best * per_share);
+        struct cone_span s = ball_span(f, list[i], more, o, d, best * per_share);
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, far), v_cmp_gt(s.out, near)));
         begin = v_select(met, v_min(begin, s.in), begin);
         end = v_select(met, v_max(end, s.out), end);
@@ -122,7 +122,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     end = v_min(end, far);
     active = v_and(active, v_cmp_lt(begin, end));
     for (int i = 0; i < count; i++) {
-        struct ball_span s = ball_span(f, list[i], f->wider, o, d, best * per_share);
+        struct cone_span s = ball_span(f, list[i], f->wider, o, d, best * per_share);
         vmask met = v_and(s.met, v_and(v_cmp_lt(s.in, end), v_cmp_gt(s.out, begin)));
         if (v_any(v_and(met, active)))
             list[kept++] = list[i];
@@ -141,15 +141,12 @@ vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask
                     vfloat near, vfloat far, vfloat best, float lit) {
     // Only where the group's sphere meets a cone in which the field may be below best·t.
     vfloat q = best * v_splat(1 / field->share);
-    vfloat along = v_splat(0.0f) - vec_dot(o, d), radius = v_splat(field->radius);
-    struct vec aside = vec_along(o, d, along);
-    vfloat a = v_nmadd(q, q, v_splat(1.0f)), rest = v_madd(q, along, radius);
-    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside)), b = v_madd(q, radius, along);
-    vfloat root = v_sqrt(v_max(inside, v_splat(0.0f))), per = v_splat(1.0f) / a;
-    vmask narrow = v_cmp_gt(a, v_splat(1e-3f));
-    near = v_select(narrow, v_max(near, (b - root) * per), near);
-    far = v_select(narrow, v_min(far, (b + root) * per), far);
-    active = v_and(active, v_or(v_not(narrow), v_cmp_gt(inside, v_splat(0.0f))));
+    struct vec v = vec_scale(o, v_splat(-1.0f));
+    struct cone_span s = cone_span(v, v_splat(field->radius), d, q);
+    vmask narrow = v_cmp_gt(v_nmadd(q, q, v_splat(1.0f)), v_splat(1e-3f));
+    near = v_select(narrow, v_max(near, s.in), near);
+    far = v_select(narrow, v_min(far, s.out), far);
+    active = v_and(active, v_or(v_not(narrow), s.met));
     active = v_and(v_and(active, v_cmp_lt(near, far)), v_cmp_gt(best, v_splat(0.0f)));
     if (!v_any(active))
         return best;

@@ -7,24 +7,14 @@
 #include "shadow/widest_cone.h"
 #include "types/sdf.h"
 
-struct part_span {
-    vfloat in, out;
-    vmask met;
-};
-
 // Clips the span to where a cone of slope `best` < 1 about the ray meets the leaf's sphere.
 static void clip_to_leaf(const struct primitive *s, struct vec o, struct vec d, vfloat best,
-                         struct part_span *span) {
-    vfloat zero = v_splat(0.0f), radius = v_splat(s->bound);
+                         struct cone_span *span) {
     struct vec v = vec_sub(vec_set(s->position), o);
-    vfloat along = vec_dot(v, d), a = v_nmadd(best, best, v_splat(1.0f));
-    struct vec aside = vec_along(v, d, zero - along);
-    vfloat rest = v_madd(best, along, radius), b = v_madd(best, radius, along);
-    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside));
-    vfloat root = v_sqrt(v_max(inside, zero)), per = v_splat(1.0f) / a;
-    span->in = v_max(span->in, (b - root) * per);
-    span->out = v_min(span->out, (b + root) * per);
-    span->met = v_and(span->met, v_and(v_cmp_gt(inside, zero), v_cmp_lt(span->in, span->out)));
+    struct cone_span met = cone_span(v, v_splat(s->bound), d, best);
+    span->in = v_max(span->in, met.in);
+    span->out = v_min(span->out, met.out);
+    span->met = v_and(span->met, v_and(met.met, v_cmp_lt(span->in, span->out)));
 }
 
 // The convex leaves that hold a part of a sharp group. Their greatest distance is convex along a ray.
@@ -85,7 +75,7 @@ static struct part_end look_at_part(const struct part_leaves *part, vfloat t, vf
 
 // Returns a lower bound of the part's ratio, less than `room` below its least, or one that is no less than `best`.
 // *where: t of the least. Steps are Newton's; between ends where different leaves decide, to where both tangents meet.
-static vfloat least_of_part(const struct part_leaves *part, const struct part_span *span,
+static vfloat least_of_part(const struct part_leaves *part, const struct cone_span *span,
                             vfloat best, float room, vfloat *where) {
     vfloat zero = v_splat(0.0f), none = v_splat(-1.0f), least = v_splat(INFINITY), below = zero;
     struct part_end low = {span->in, zero, zero, none}, high = {span->out, zero, zero, none};
@@ -132,10 +122,11 @@ static inline struct cone_rays rays_of_leaf(const struct primitive *s, struct ve
 // the leaf falls and the part's ratio rises. They meet where the sum of both distances is 0. It is convex: Newton's steps from
 // beyond come no nearer than that.
 static void rise_from_cut(const struct part_leaves *part, const struct primitive *s,
-                          const struct cone_rays *r, const struct part_span *span, vmask begins,
+                          const struct cone_rays *r, const struct cone_span *span, vmask begins,
                           vfloat *least, vfloat *where) {
     vfloat zero = v_splat(0.0f), t = span->out, h, next;
-    begins = v_and(begins, v_cmp_le(along_leaf(r, span->in, s).h, zero));
+    look_at_part(part, span->in, &h, &next);
+    begins = v_and(begins, v_cmp_le(v_max(along_leaf(r, span->in, s).h, h), zero));
     vmask active = begins;
     for (int step = 0; step < MOST_CONE_STEPS && v_any(active); step++) {
         COUNT(widest_step, call);
@@ -153,16 +144,12 @@ static void rise_from_cut(const struct part_leaves *part, const struct primitive
 // Lowers w->best by part `first` of a sharp group. Returns the rays on which the rest of the group's field, which cuts the
 // convex leaves, decides where they come nearest.
 static vmask widest_of_part(const struct primitive *s, int first, const struct part_leaves *part,
-                            struct vec o, struct vec d, const struct part_span *span,
+                            struct vec o, struct vec d, const struct cone_span *span,
                             struct soft_packet *w) {
     const struct sharp *sharp = s->sharp;
-    vfloat zero = v_splat(0.0f), where, h, next;
+    vfloat zero = v_splat(0.0f), where;
     vfloat least = least_of_part(part, span, w->best, PART_ROOM, &where);
     vmask inside = v_and(span->met, v_cmp_le(least, zero));
-    if (v_any(inside)) {
-        look_at_part(part, span->in, &h, &next);
-        inside = v_and(inside, v_cmp_le(h, zero));
-    }
     for (int i = first; i < sharp->leaves && v_any(inside); i++)
         if (sharp->guard[i] == first && sharp->removes[i] && sharp->leaf[i].type != SHAPE_PLANE) {
             struct cone_rays rays = rays_of_leaf(&sharp->leaf[i], o, d);
@@ -189,7 +176,7 @@ static void clip_to_parts(const struct primitive *s, struct vec o, struct vec d,
     for (int part = 0; part < sharp->leaves; part++) {
         if (sharp->guard[part] >= 0 || sharp->removes[part])
             continue;
-        struct part_span span = {w->near, w->far, w->active};
+        struct cone_span span = {w->active, w->near, w->far};
         struct part_leaves leaves = {.count = 0};
         for (int i = part; i < sharp->leaves && v_any(span.met); i++) {
             if (sharp->leaf[i].type == SHAPE_PLANE ||

@@ -1,7 +1,7 @@
 // The balls of a union's children: which of them a packet's rays meet, and the program of these alone.
 #pragma once
 
-#include "fields/field.h"
+#include "fields/rays.h"
 #include "groups/program.h"
 #include "simd/simd.h"
 
@@ -84,23 +84,11 @@ static inline struct vec ball_centre(const struct field *f, int i) {
     return (struct vec){v_splat(balls->x[i]), v_splat(balls->y[i]), v_splat(balls->z[i])};
 }
 
-// Where a cone of slope q < 1 about each ray meets a ball, `more` larger.
-struct ball_span {
-    vmask met;
-    vfloat in, out;
-};
-
-static inline struct ball_span ball_span(const struct field *f, int i, float more, struct vec o,
+// The span of a ball, `more` larger.
+static inline struct cone_span ball_span(const struct field *f, int i, float more, struct vec o,
                                          struct vec d, vfloat q) {
-    struct vec v = vec_sub(ball_centre(f, i), o);
-    vfloat radius = v_splat(f->balls.level[0].radius[i] + more), along = vec_dot(v, d);
-    struct vec aside = vec_along(v, d, v_splat(0.0f) - along);
-    vfloat a = v_nmadd(q, q, v_splat(1.0f)), b = v_madd(q, radius, along);
-    // b² − a·c, with c = along² + aside² − radius²
-    vfloat rest = v_madd(q, along, radius);
-    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside));
-    vfloat root = v_sqrt(v_max(inside, v_splat(0.0f))), per = v_splat(1.0f) / a;
-    return (struct ball_span){v_cmp_gt(inside, v_splat(0.0f)), (b - root) * per, (b + root) * per};
+    vfloat radius = v_splat(f->balls.level[0].radius[i] + more);
+    return cone_span(vec_sub(ball_centre(f, i), o), radius, d, q);
 }
 
 // Returns the program of the listed children alone. room: as many steps as the whole has.

@@ -13,6 +13,13 @@ static struct vec in_group(const struct field *f, struct vec p) {
 }
 
 vfloat field_distance(const struct field *field, struct vec p) {
+    int list[MOST_SPHERES], count = field->balls.level[0].count;
+    if (field->blend > 0 && count <= MOST_SPHERES) {
+        struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+        for (int i = 0; i < count; i++)
+            list[i] = i;
+        return blend_along(field, list, count, p, still, v_splat(0.0f)).f;
+    }
     p = in_group(field, p);
     vfloat f;
     field_values(field->program, &p, 1, &f);
@@ -112,7 +119,7 @@ static vmask enter_segment(const struct field *f, int *list, int count, struct v
         return v_mask_none();
     if (count == 1 && f->sphere[list[0]] > 0) {
         float shrink = f->sphere[list[0]] - f->balls.level[0].radius[list[0]];
-        struct ball_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
+        struct cone_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
         *t = v_select(active, s.in, *t);
         return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, begin), v_cmp_lt(s.in, end)));
     }
@@ -130,7 +137,7 @@ static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmas
     int list[f->balls.level[0].count + 1], kept[f->balls.level[0].count + 1];
     struct beam b = beam_of(o, d, active, near, far);
     int listed = list_balls(f, &b, 0, f->wider, list), count = 0;
-    struct ball_span ball[listed + 1], reach[listed + 1];
+    struct cone_span ball[listed + 1], reach[listed + 1];
     for (int i = 0; i < listed; i++) {
         reach[count] = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
         list[count] = list[i];

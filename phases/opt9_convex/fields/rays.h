@@ -9,6 +9,24 @@ struct field_surface {
     vfloat reflectivity, shininess;
 };
 
+// Where a cone of slope q < 1 about each ray meets a sphere.
+struct cone_span {
+    vmask met;
+    vfloat in, out;
+};
+
+// v: from the ray's origin to the sphere's centre; d: its direction.
+static inline struct cone_span cone_span(struct vec v, vfloat radius, struct vec d, vfloat q) {
+    vfloat along = vec_dot(v, d), zero = v_splat(0.0f);
+    struct vec aside = vec_along(v, d, zero - along);
+    vfloat a = v_nmadd(q, q, v_splat(1.0f)), b = v_madd(q, radius, along);
+    // b² − a·c, with c = along² + aside² − radius²
+    vfloat rest = v_madd(q, along, radius);
+    vfloat inside = v_msub(rest, rest, a * vec_dot(aside, aside));
+    vfloat root = v_sqrt(v_max(inside, zero)), per = v_splat(1.0f) / a;
+    return (struct cone_span){v_cmp_gt(inside, zero), (b - root) * per, (b + root) * per};
+}
+
 vfloat field_distance(const struct field *field, struct vec p);
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found);
 
