@@ -30,7 +30,14 @@ from study.numbers.stats import Interval
 
 PROJECT = 14  # the lab whose scene and error are asked for
 STATUSES = {cli.FAILED: "an entry is out of the ranking"}
-HEADS = ("rank", "entry", "time of a frame, ms [95 %]", "dB to truth", "evaluations of a camera ray", "from")
+HEADS = (
+    "rank",
+    "entry",
+    "time of a frame, ms [95 %]",
+    "dB to truth",
+    "evaluations of a camera ray",
+    "parent",
+)
 
 
 @dataclass(frozen=True)
@@ -193,10 +200,9 @@ def run(args: argparse.Namespace) -> Outcome:
             ms = {str(spec): values for spec, values in times.items()}
         shown = named(found, args.hidden, args.seed)
         result = [replace(one, name=shown[one.name]) for one in ranked(entries, ms)]
-    about = (
-        f"{scene.name}, pictures at height {args.n}, times at height {height}, one thread, {args.launches} "
-    )
-    about += f"launches in turns; at least {args.decibels:g} dB to ground truth. Who shares a rank ties."
+    about = f"{scene.name}, pictures at height {args.n}, times at height {height}, one thread,"
+    about += f" {args.launches} launches in turns; at least {args.decibels:g} dB to ground truth."
+    about += " Entries of one rank cannot be told apart."
     args.out.parent.mkdir(parents=True, exist_ok=True)
     store.write_text(args.out, page(result, about))
     rows = [HEADS, *map(cells, result)]

@@ -103,6 +103,7 @@ def test_a_wrong_answer_has_its_hint_and_no_key(handed_in):
         ({"word": None, "number": key.number}, "word"),
         ({"word": key.word, "number": key.number * 1.03}, key.word),
         ({"word": key.word}, key.word),
+        ({"word": key.word, "number": float("nan")}, key.word),
     ):
         status, told = handed_in({key.name: wrong})
         failing = [one for one in told["checks"] if not one["passed"]]
