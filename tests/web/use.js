@@ -96,16 +96,16 @@ async function use() {
   await until(() => sides.every((side) => side.shown));
   failed.push(...sides.map((side) => side.error).filter(Boolean));
   sides.forEach((side) => side.worker.terminate());
-  for (const { name } of about) {
+  for (const [name, scene] of DRAWN) {
     await start(await module(name));
-    load(new TextEncoder().encode(scenes.scene0));
-    const why = wasm.web_prepare();
+    load(new TextEncoder().encode(scenes[scene]));
+    wasm.web_prepare();
     wasm.web_look(0);
     wasm.web_frame(WIDTH, HEIGHT, 0);
     wasm.web_draw(true);
-    const n = WIDTH * HEIGHT,
-      parts = [3, 1, 1, 3, 1].map((k, i) => new Float32Array(wasm.memory.buffer, wasm.web_plane(i), k * n).slice());
-    await post(name, new Blob(parts));
+    const n = WIDTH * HEIGHT;
+    const plane = (k, i) => new Float32Array(wasm.memory.buffer, wasm.web_plane(i), k * n).slice();
+    await post(`${name}-${scene}`, new Blob([3, 1, 1, 3, 1].map(plane)));
   }
   return said;
 }
