@@ -6,8 +6,7 @@
 //
 // Naive on purpose: points and the scene go by value through calls. Every evaluation converts the
 // angles to radians and takes their sines and cosines.
-#ifndef BASELINE_SDF_H
-#define BASELINE_SDF_H
+#pragma once
 
 #include "scene/scene.h"
 #include "vec.h"
@@ -210,5 +209,3 @@ CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     }
     return closest;
 }
-
-#endif

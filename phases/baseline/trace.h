@@ -1,6 +1,5 @@
 // What render.c, march.c and shade.c call of each other.
-#ifndef BASELINE_TRACE_H
-#define BASELINE_TRACE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -30,5 +29,3 @@ double shadow(struct vec3 point, struct vec3 to_light, double distance, struct w
 // Traces a ray and its reflections, up to the scene's number of bounces, and shades its hit. The
 // direction is a unit vector; `bounce` counts the mirrors so far.
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world);
-
-#endif

@@ -1,8 +1,7 @@
 // A vector is a struct of three doubles, passed and returned by value through calls that are not
 // inlined. A call costs what it costs in the paper's program, and no more: there the vector functions
 // share a source file, so that gcc inlines new_vector and vec_dot into them.
-#ifndef BASELINE_VEC_H
-#define BASELINE_VEC_H
+#pragma once
 
 #include <math.h>
 
@@ -80,5 +79,3 @@ CALL struct vec3 vec_reflect(struct vec3 d, struct vec3 n) {
     COUNT(vec_reflect, call);
     return vec_sub(d, vec_scale(n, 2.0 * vec_dot(d, n)));
 }
-
-#endif

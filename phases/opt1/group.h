@@ -1,6 +1,5 @@
 // Groups: what of a node is constant, and the functions of group.c. Points are arrays: ablations change struct vec3.
-#ifndef OPT1_GROUP_H
-#define OPT1_GROUP_H
+#pragma once
 
 #include "scene/scene.h"
 
@@ -22,5 +21,3 @@ void group_prepare(const struct model *model, struct group_node *nodes);
 double sdf_group(const double *p, const struct group_node *nodes, int root);
 struct material group_material(const double *p, const struct group_node *nodes, int root,
                                const struct material *materials);
-
-#endif

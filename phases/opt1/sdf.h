@@ -6,8 +6,7 @@
 //
 // phase_prepare() computes the sines and cosines. A rotation or repetition that a shape lacks is not
 // evaluated.
-#ifndef OPT1_SDF_H
-#define OPT1_SDF_H
+#pragma once
 
 #include "group.h"
 #include "scene/scene.h"
@@ -261,5 +260,3 @@ CALL double sdf(const struct vec3 *p, const struct prepared *scene, int *nearest
     }
     return closest;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // What render.c, march.c and shade.c call of each other.
-#ifndef OPT1_TRACE_H
-#define OPT1_TRACE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -38,5 +37,3 @@ double shadow(const struct vec3 *point, const struct vec3 *to_light, double dist
 // direction is a unit vector; `bounce` counts the mirrors so far.
 void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
            const struct world *world, struct shaded *result);
-
-#endif

@@ -1,7 +1,6 @@
 // Vectors by pointer: an operation reads its operands in place and writes its result in place, without
 // copies through the stack. The operations are still calls, as in the paper's phase 1.
-#ifndef OPT1_VEC_H
-#define OPT1_VEC_H
+#pragma once
 
 #include <math.h>
 
@@ -85,5 +84,3 @@ CALL void vec_reflect(const struct vec3 *d, const struct vec3 *n, struct vec3 *o
     vec_scale(n, 2.0 * vec_dot(d, n), &twice);
     vec_sub(d, &twice, out);
 }
-
-#endif

@@ -5,8 +5,7 @@
 // derivative of Buddhi and Rrrola (fractalforums.com, 2010). Both are estimates, not bounds.
 //
 // All functions are inlined. phase_prepare() computes everything that does not depend on the point.
-#ifndef OPT2_SDF_H
-#define OPT2_SDF_H
+#pragma once
 
 #include "scene/scene.h"
 #include "vec.h"
@@ -294,5 +293,3 @@ static inline double sdf(const double *p, const struct prepared *scene, int *nea
     }
     return closest;
 }
-
-#endif

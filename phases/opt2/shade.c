@@ -54,10 +54,14 @@ static void light_at(const double *p, const double *n, const double *direction,
 void trace(const double *origin, const double *direction, int bounce, const struct world *world,
            struct shaded *result) {
     COUNT(trace, call);
-    const struct model *model = &world->scene->model;
     *result = (struct shaded){.color = {0}};
-    vec_set(model->background, result->color);
     ray_march(origin, direction, world->scene, &result->hit);
+    shade(direction, bounce, world, result);
+}
+
+void shade(const double *direction, int bounce, const struct world *world, struct shaded *result) {
+    const struct model *model = &world->scene->model;
+    vec_set(model->background, result->color);
     if (!result->hit.found)
         return;
     COUNT(trace, hit);

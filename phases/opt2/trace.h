@@ -1,6 +1,5 @@
 // What render.c, march.c and shade.c call of each other.
-#ifndef OPT2_TRACE_H
-#define OPT2_TRACE_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -39,4 +38,5 @@ double shadow(const double *point, const double *to_light, double distance,
 void trace(const double *origin, const double *direction, int bounce, const struct world *world,
            struct shaded *result);
 
-#endif
+// Computes colour and normal of result->hit, where a ray of that direction has ended.
+void shade(const double *direction, int bounce, const struct world *world, struct shaded *result);

@@ -1,7 +1,6 @@
 // Vectors are arrays of three doubles and their operations are inlined: nothing is copied, and the
 // compiler sees which components are used.
-#ifndef OPT2_VEC_H
-#define OPT2_VEC_H
+#pragma once
 
 #include <math.h>
 
@@ -39,5 +38,3 @@ static inline double vec_norm(const double *a) {
 static inline void vec_reflect(const double *d, const double *n, double *out) {
     vec_along(d, n, -2.0 * vec_dot(d, n), out);
 }
-
-#endif

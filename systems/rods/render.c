@@ -66,17 +66,17 @@ static void store(struct frame *frame, size_t pixel, const struct shaded *result
     frame->planes[3][pixel] = (float)hit->last_distance;
 }
 
-void put_pixel(const struct scene_view *input, struct frame *frame, int column, int row,
+void put_pixel(const struct world *world, struct frame *frame, int column, int row,
                const struct hit *hit, struct pixel_cost cost) {
     size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
     struct shaded result = {.hit = *hit};
-    if (state_of(input->scene)->settings.map) { // the march alone, as the article draws it
+    if (state_of(world->scene)->settings.map) { // the march alone, as the article draws it
         vec_set((double[3]){hit->last_t, hit->last_distance, hit->evals}, result.color);
     } else {
         double direction[3];
-        get_direction(column, row, frame, input->view, direction);
-        vec_along(input->view->position, direction, hit->t, result.hit.point);
-        shade(direction, 0, input, &result);
+        get_direction(column, row, frame, world->view, direction);
+        vec_along(world->view->position, direction, hit->t, result.hit.point);
+        shade(direction, 0, world, &result);
     }
     store(frame, pixel, &result, cost);
 }
@@ -104,23 +104,23 @@ static void march_pixel(const double *origin, const double *direction, const str
 }
 
 // Marches each pixel by itself: what the article compares rods with.
-static void march_pixels(const struct scene_view *input, struct frame *frame) {
+static void march_pixels(const struct world *world, struct frame *frame) {
     for (int row = 0; row < frame->height; row++)
         for (int column = 0; column < frame->width; column++) {
             double direction[3];
             struct hit hit;
-            get_direction(column, row, frame, input->view, direction);
-            march_pixel(input->view->position, direction, input->scene, &hit);
-            put_pixel(input, frame, column, row, &hit, (struct pixel_cost){hit.evals, 0.0});
+            get_direction(column, row, frame, world->view, direction);
+            march_pixel(world->view->position, direction, world->scene, &hit);
+            put_pixel(world, frame, column, row, &hit, (struct pixel_cost){hit.evals, 0.0});
         }
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    struct scene_view input = {prepared, view};
+    struct world world = {prepared, view};
     if (state_of(prepared)->settings.pixels)
-        march_pixels(&input, frame);
+        march_pixels(&world, frame);
     else
-        march_rods(&input, frame);
+        march_rods(&world, frame);
     return true;
 }
 

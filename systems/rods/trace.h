@@ -1,4 +1,4 @@
-// What render.c, rods.c, shade.c and opt2's march.c use of each other.
+// What render.c, rods.c, and opt2's march.c and shade.c use of each other.
 #pragma once
 
 #include <stdbool.h>
@@ -18,11 +18,11 @@ static inline const struct state *state_of(const struct prepared *prepared) {
     return (const struct state *)prepared; // its first member
 }
 
-// Returns the distance to the nearest shape: opt2's sdf(), compiled once for the files of this folder. In shade.c.
+// Returns the distance to the nearest shape: opt2's sdf(), compiled once for the files of this folder. In rods.c.
 double scene_distance(const double *p, const struct prepared *scene, int *nearest);
 
 // What a frame is drawn from.
-struct scene_view {
+struct world {
     const struct prepared *scene;
     const struct view *view;
 };
@@ -55,11 +55,11 @@ void get_direction(double column, double row, const struct frame *frame, const s
 
 // Shades and stores one pixel, whose camera ray the march followed to hit->t; hit->point is computed here.
 // With picture=map it stores the march's last t, last distance and steps instead.
-void put_pixel(const struct scene_view *input, struct frame *frame, int column, int row,
+void put_pixel(const struct world *world, struct frame *frame, int column, int row,
                const struct hit *hit, struct pixel_cost cost);
 
 // Fills the frame's pixels by rods.
-void march_rods(const struct scene_view *input, struct frame *frame);
+void march_rods(const struct world *world, struct frame *frame);
 
 // Sphere-traces a ray of unit direction until the distance is below the scene's hit distance.
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
@@ -70,6 +70,7 @@ void ray_march(const double *origin, const double *direction, const struct prepa
 double shadow(const double *point, const double *to_light, double distance,
               const struct prepared *scene);
 
-// Computes colour and normal for result->hit of a ray of that direction, after `bounce` mirrors.
-void shade(const double *direction, int bounce, const struct scene_view *input,
+// Traces a ray and its reflections, and shades its hit; shade() shades a hit that is known. `bounce`: mirrors so far.
+void trace(const double *origin, const double *direction, int bounce, const struct world *world,
            struct shaded *result);
+void shade(const double *direction, int bounce, const struct world *world, struct shaded *result);

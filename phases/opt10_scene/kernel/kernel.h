@@ -2,8 +2,8 @@
 // its hash. Camera, light, max_steps and hit_distance stay variables, because a sweep varies them.
 #pragma once
 
+#include "core/prepared.h"
 #include "phase.h"
-#include "types/primitive.h"
 
 // What a compiled kernel exports as `stepwise_kernel`.
 struct scene_kernel {

@@ -4,7 +4,7 @@
 #define OPT9_KNOWN_SCENE_H
 
 #define SCENE_KERNEL 1
-#include "types/primitive.h"
+#include "core/prepared.h"
 
 #include "scene_kernel.h"
 

@@ -3,6 +3,7 @@
 // of length x from the height h, the height is at most x²/2·(1/tube + 4/3/radius), as h bends by no more than that.
 #pragma once
 
+#include "hit/quotient.h"
 #include "hit/solids.h"
 
 struct torus_march {
@@ -10,26 +11,18 @@ struct torus_march {
     vmask going, found;
 };
 
-// Returns 1/a for normal a to 1e-5, with the sign of a, for any number of lanes the same.
-INLINE vfloat near_inverse_of(vfloat a) {
-    typedef unsigned whole __attribute__((vector_size(sizeof(vfloat))));
-    vfloat r = (vfloat)(0x7ef311c3u - (whole)a);
-    r = r * v_nmadd(a, r, v_splat(2.0f));
-    return r * v_nmadd(a, r, v_splat(2.0f));
-}
-
 INLINE void begin_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                         vfloat from, struct torus_march *w) {
     vfloat zero = v_splat(0.0f);
     // The ray enters between two planes and in the cylinder about the ring. Both are 2^-10 wider for
     // rounding.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
-    vfloat per = near_inverse_of(v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
+    vfloat per = near_inverse(v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
     vfloat square = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f));
     vfloat b = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
     vfloat inside = v_nmadd(square, far - v_splat(outer_sq), b * b);
-    vfloat half = v_sqrt(v_max(inside, zero)), per_square = near_inverse_of(square);
+    vfloat half = v_sqrt(v_max(inside, zero)), per_square = near_inverse(square);
     w->at = v_max(v_max(from, zero - middle - width), (zero - b - half) * per_square);
     w->out = v_min(width - middle, (half - b) * per_square);
     w->going = v_and(near, v_and(v_cmp_ge(inside, zero), v_cmp_ge(w->out, w->at)));
@@ -55,11 +48,11 @@ INLINE void step_torus(struct vec c, struct vec d, const struct primitive *s,
     vfloat bent = bent_sq * v_rsqrt_newton(bent_sq);
     // Inside the tube: Newton's step back.
     vfloat below = v_select(outside, v_max(bent - fall, most), v_max(zero - fall, v_splat(0.05f)));
-    vfloat whole = (h + h) * near_inverse_of(below);
+    vfloat whole = (h + h) * near_inverse(below);
     vfloat newton = v_select(outside, whole * v_splat(1.0f - 2e-4f), v_splat(0.5f) * whole);
     vfloat safe = v_max(h, v_min(newton, radius * v_splat(0.25f)));
     vfloat hull_step = hull * v_splat(1.0f - 2e-4f) * // stays short of the hull
-                       near_inverse_of(v_max(zero - hull_fall, most));
+                       near_inverse(v_max(zero - hull_fall, most));
     vfloat ahead = v_select(v_cmp_gt(hull, zero), v_max(safe, hull_step), safe);
     vmask back = v_andnot(outside, v_cmp_lt(fall, zero));
     vfloat bend = v_madd(v_splat(2.0f / 3.0f), per_radius, v_splat(0.5f / s->b));

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-#include "types/primitive.h"
+#include "core/prepared.h"
 
 static inline double span_dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -1,7 +1,7 @@
 // One frame's work, and the kernels that do it: built for 8 and for 16 lanes. No lanes in here.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "phase.h"
 
 // One frame's work for all workers.

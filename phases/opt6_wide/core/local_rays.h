@@ -9,6 +9,9 @@
 #include "core/shape_distances.h"
 #include "groups/region.h"
 
+// Returns a packet that may meet all shapes, with rays in a worker's memory: core/tile.c.
+struct packet_rays packet_in(void *scratch, const struct prepared *scene);
+
 // Sets the rays' origins in the frame of each shape, and wakes every shape. set_local_directions() comes next.
 static inline void set_local_origins(struct point origin, const struct prepared *scene,
                                      struct packet_rays *packet) {
@@ -20,19 +23,19 @@ static inline void set_local_origins(struct point origin, const struct prepared 
         int i = list->shape[n];
         const struct primitive *primitive = &scene->primitives[i];
         *wake_of(packet, i) = v_splat(-INFINITY);
-        if (primitive->kind == EVAL_POINT && !primitive->turned && !primitive->repeated) {
+        if (primitive->eval == EVAL_POINT && !primitive->turned && !primitive->repeated) {
             local[i].origin = point_sub(origin, primitive->position, primitive->position_lo);
             continue;
         }
         struct vec_double from = vec_double_sub(at, primitive->centre);
         local[i].origin.x = coordinate(primitive, from, 0);
-        if (primitive->kind == EVAL_LINEAR)
+        if (primitive->eval == EVAL_LINEAR)
             continue;
-        if (primitive->kind == EVAL_FIELD)
+        if (primitive->eval == EVAL_FIELD)
             forget_region(local[i].region);
         local[i].origin.y = coordinate(primitive, from, 1);
         local[i].origin.z = coordinate(primitive, from, 2);
-        if (primitive->kind == EVAL_POWER)
+        if (primitive->eval == EVAL_POWER)
             local[i].power = power_at(from, primitive->radius_sq);
     }
 }
@@ -42,7 +45,7 @@ static inline void recall_regions(vfloat t, const struct prepared *scene,
                                   const struct packet_rays *packet) {
     const struct shape_list *list = shapes_of(packet, scene);
     for (int n = 0; n < list->count; n++)
-        if (scene->primitives[list->shape[n]].kind == EVAL_FIELD)
+        if (scene->primitives[list->shape[n]].eval == EVAL_FIELD)
             recall_region(packet->local[list->shape[n]].region, t);
 }
 
@@ -54,14 +57,14 @@ static inline void set_local_directions(struct vec direction, const struct prepa
     for (int n = 0; n < list->count; n++) {
         int i = list->shape[n];
         const struct primitive *primitive = &scene->primitives[i];
-        if (primitive->kind == EVAL_LINEAR) {
+        if (primitive->eval == EVAL_LINEAR) {
             local[i].direction.x = vec_dot(vec_set(primitive->normal), direction);
             continue;
         }
-        if (primitive->kind == EVAL_FIELD)
+        if (primitive->eval == EVAL_FIELD)
             forget_region(local[i].region);
         local[i].direction = turned(primitive, direction);
-        if (primitive->kind == EVAL_POWER)
+        if (primitive->eval == EVAL_POWER)
             local[i].slope = v_splat(2.0f) * vec_dot(local[i].origin, local[i].direction);
     }
 }
@@ -76,7 +79,7 @@ static inline vfloat nearest_shape_at(const struct packet_rays *packet, vfloat t
         int i = list->shape[n];
         const struct primitive *primitive = &scene->primitives[i];
         vfloat distance = distance_to_shape(&packet->local[i], t, primitive, primitive->repeated,
-                                            primitive->kind, primitive->type, live);
+                                            primitive->eval, primitive->type, live);
         *shape = v_select(v_cmp_lt(distance, least), v_splat(primitive->index), *shape);
         least = v_min(distance, least);
     }
@@ -93,13 +96,13 @@ static inline void move_local_origins(vfloat by, const struct prepared *scene,
         struct local_ray *a = &packet->local[i];
         *wake_of(packet, i) = *wake_of(packet, i) - v_abs(by);
         a->origin.x = v_madd(a->direction.x, by, a->origin.x);
-        if (scene->primitives[i].kind == EVAL_LINEAR)
+        if (scene->primitives[i].eval == EVAL_LINEAR)
             continue;
-        if (scene->primitives[i].kind == EVAL_FIELD && v_any(v_cmp_gt(v_abs(by), v_splat(0.0f))))
+        if (scene->primitives[i].eval == EVAL_FIELD && v_any(v_cmp_gt(v_abs(by), v_splat(0.0f))))
             forget_region(a->region);
         a->origin.y = v_madd(a->direction.y, by, a->origin.y);
         a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->primitives[i].kind == EVAL_POWER)
+        if (scene->primitives[i].eval == EVAL_POWER)
             a->power = v_madd(by, by + a->slope, a->power);
     }
 }

@@ -1,7 +1,7 @@
 // Packets of rays that march together.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct local_ray; // core/shape_distances.h

@@ -1,7 +1,7 @@
 // Blocks of 4 × LANES/4 pixels: the pixels of a packet. Lanes outside of the picture are masked.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "phase.h"
 #include "simd/simd.h"
 

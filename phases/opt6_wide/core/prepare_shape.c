@@ -43,7 +43,7 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
         p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
         p.per_cell[i] = (float)p.wide_per_cell[i];
     }
-    p.kind = eval_kind_of(shape, p.repeated, limits);
+    p.eval = eval_kind_of(shape, p.repeated, limits);
     prepare_rows(&p, shape, turn);
     switch ((int)shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
@@ -72,7 +72,7 @@ struct primitive prepare_shape(int index, const struct shape *shape, const struc
         to_floats(shape->plane.normal, p.size);
         p.a = (float)shape->plane.offset;
         break;
-    case SHAPE_GROUP: p.kind = EVAL_FIELD; break;
+    case SHAPE_GROUP: p.eval = EVAL_FIELD; break;
     case SHAPE_MANDELBOX: prepare_mandelbox(&p, shape); break;
     case SHAPE_CAPSULE:
     case SHAPE_ELLIPSOID:

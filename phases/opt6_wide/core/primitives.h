@@ -1,7 +1,7 @@
 // How shapes are prepared: core/prepare_shape.c, and the frames and sizes it uses.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "scene/vector.h"
 
 // Returns a shape in the form that the march needs. `index` is its number in the scene.
@@ -16,7 +16,7 @@ void shapes_release(struct prepared *prepared);
 
 // Sets the members in double: see struct primitive. A plane that is not repeated has one row.
 static inline void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3]) {
-    bool linear = p->kind == EVAL_LINEAR;
+    bool linear = p->eval == EVAL_LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double *n = shape->plane.normal;
@@ -25,7 +25,7 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
         }
         p->centre[i] = shape->position[i];
     }
-    if (p->kind == EVAL_POWER) {
+    if (p->eval == EVAL_POWER) {
         p->radius_sq = shape->sphere.radius * shape->sphere.radius;
         p->b = (float)p->radius_sq;
     }

@@ -60,11 +60,11 @@ group_distances(struct packet_group *group, int shape, int size, const struct pr
                             found);
 }
 
-// Evaluates a Mandelbulb for all packets: core/bulb_distances.c.
+// Evaluates a Mandelbulb for all packets: bulb/bulb_distances.c.
 void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found);
 
-// Evaluates a group for all packets: groups/field.c.
+// Evaluates a group for all packets: groups/packets.c.
 void field_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                      struct nearest_so_far *found);
 
@@ -72,13 +72,13 @@ void field_distances(struct packet_group *group, int shape, const struct primiti
 __attribute__((always_inline)) static inline void
 distances_to_shape(struct packet_group *group, int shape, int size,
                    const struct primitive *primitive, bool steady, struct nearest_so_far *found) {
-    if (steady && primitive->kind == EVAL_LINEAR) {
+    if (steady && primitive->eval == EVAL_LINEAR) {
         group_distances(group, shape, size, primitive, steady, EVAL_LINEAR, SHAPE_PLANE, found);
         return;
     }
     switch (primitive->type) {
     case SHAPE_SPHERE:
-        if (steady && primitive->kind == EVAL_POWER)
+        if (steady && primitive->eval == EVAL_POWER)
             group_distances(group, shape, size, primitive, steady, EVAL_POWER, SHAPE_SPHERE, found);
         else
             group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_SPHERE, found);

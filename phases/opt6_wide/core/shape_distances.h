@@ -1,12 +1,12 @@
 // Signed distances of one shape, from one point in each lane. Sphere, box, torus, capped cone, octahedron: I. Quilez,
-// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map
-// without trigonometry, with the running derivative: I. Quilez, "mandelbulb" (iquilezles.org/articles/mandelbulb).
-// Mandelbox: T. Lowe (fractalforums.com, 2010), with the running derivative of Buddhi and Rrrola (fractalforums.com,
-// 2010). Both are estimates, not bounds.
+// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbox: T. Lowe (fractalforums.com, 2010), with the
+// running derivative of Buddhi and Rrrola (fractalforums.com, 2010): an estimate, not a bound. simd/simd.h
+// comes before it.
 #pragma once
 
-#include "core/primitive.h"
-#include "simd/simd.h"
+#include "core/prepared.h"
+
+#include "core/mandelbulb.h" // needs the other
 
 // Rays in the frame of one shape. With EVAL_LINEAR the distance is origin.x + t·direction.x. With EVAL_POWER |p|² −
 // radius² is power + t·(t + slope).
@@ -22,12 +22,13 @@ struct local_ray {
 };
 
 // Returns the distance to a group at p, a point of its frame at distance t along the ray or beside it:
-// groups/field.c.
+// groups/packets.c.
 vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
                 const struct primitive *primitive, vmask live);
 
 // Returns v in the axes of the shape.
-static inline struct vec turned(const struct primitive *primitive, struct vec v) {
+__attribute__((always_inline)) static inline struct vec turned(const struct primitive *primitive,
+                                                               struct vec v) {
     if (!primitive->turned)
         return v;
     return (struct vec){vec_dot(vec_set(primitive->turn[0]), v),
@@ -36,7 +37,8 @@ static inline struct vec turned(const struct primitive *primitive, struct vec v)
 }
 
 // Returns v in the world's axes. The matrix is orthogonal, so its inverse is its transpose.
-static inline struct vec turned_back(const struct primitive *primitive, struct vec v) {
+__attribute__((always_inline)) static inline struct vec
+turned_back(const struct primitive *primitive, struct vec v) {
     if (!primitive->turned)
         return v;
     struct vec out = vec_scale(vec_set(primitive->turn[0]), v.x);
@@ -150,71 +152,6 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     return v_select(edges, edge, face);
 }
 
-// A point's orbit under the map, in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their
-// values (the paper's Fig. 5).
-struct bulb_orbit {
-    struct vec p, w;
-    vfloat m, dz;
-    vmask far, inside;
-};
-
-static inline struct bulb_orbit bulb_start(struct vec p, vmask live) {
-    // |w|² becomes |p|^16, which overflows from |p| = 256 on. From 32 on the estimate after the one iteration that
-    // escapes is r·ln(r)/3 to a float's precision.
-    vfloat m = vec_dot(p, p);
-    vmask far = v_cmp_gt(m, v_splat(1024.0f));
-    return (struct bulb_orbit){p, p, m, v_splat(1.5f), far, v_andnot(far, live)};
-}
-
-static inline void bulb_iterate(struct bulb_orbit *b, vfloat bailout) {
-    ACTIVE(v_count(b->inside));
-    COUNT(bulb_iterate, call);
-    vfloat x = b->w.x, y = b->w.y, z = b->w.z, m = b->m;
-    vfloat x2 = x * x, y2 = y * y, z2 = z * z;
-    vfloat k3 = x2 + z2, k4 = k3 - y2;
-    vfloat per_k3 =
-        v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3); // 0 on the axis
-    vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
-    vfloat cos2 = (x2 - z2) * per_k3, sin2 = v_splat(2.0f) * (x * z) * per_k3;
-    vfloat cos4 = v_nmadd(sin2 + sin2, sin2, v_splat(1.0f)), sin4 = (sin2 + sin2) * cos2;
-    vfloat k2 = v_splat(8.0f) * y * k4 * k1 * v_sqrt(k3), k2_sin4 = k2 * (sin4 + sin4);
-    x = v_madd(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
-    z = v_madd(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
-    y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, b->p.y));
-    vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), b->dz, v_splat(1.0f));
-    vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
-    b->w = (struct vec){x, y, z};
-    b->m = v_select(b->inside, grown, m);
-    b->dz = v_select(b->inside, slope, b->dz);
-    b->inside = v_cmp_ngt_in(b->inside, b->m, bailout);
-}
-
-static inline vfloat bulb_estimate(const struct bulb_orbit *b) {
-    // r·ln(r)/3 is √m·ln(m)/6.
-    vfloat per = v_select(b->far, v_splat(1.0f / 6.0f), v_splat(0.25f) / b->dz);
-    vfloat distance = v_sqrt(b->m) * per * v_log(b->m);
-    return v_select_or_zero(v_cmp_gt(b->m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
-}
-
-static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask live) {
-    struct bulb_orbit bulb = bulb_start(p, live);
-    for (int i = 0; i < s->iterations; i++) {
-        bulb_iterate(&bulb, v_splat(s->bailout));
-        if (!v_any(bulb.inside))
-            break;
-    }
-    return bulb_estimate(&bulb);
-}
-
-// Returns a lower bound of estimate + t for all later t, from a point at distance √square from the centre. The
-// distance to the centre falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r. So the
-// estimate, ½·w·ln(w)/(12·r⁷ + 1), is above 0.18 + (r − 3/2)/2, and further iterations hardly lower it.
-static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
-    vfloat out = v_sqrt_below(square) - v_splat(1.5f);
-    vfloat bound = v_min(out, v_madd(out, v_splat(0.5f), v_splat(0.18f)));
-    return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
-}
-
 // x reflected at the nearer of ±limit where it is beyond.
 static inline vfloat folded(vfloat x, vfloat limit) {
     return v_msub(v_splat(2.0f), v_min(v_max(x, -limit), limit), x);
@@ -222,24 +159,32 @@ static inline vfloat folded(vfloat x, vfloat limit) {
 
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius, scales
 // it and adds p. dr is the most by which the iterations stretch a distance.
-static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+struct orbit {
+    struct vec w;
+    vfloat dr;
+};
+
+static inline void map_mandelbox(struct vec p, const struct primitive *s, struct orbit *at) {
     vfloat limit = v_splat(s->c), outer_sq = v_splat(s->size[1]);
-    vfloat one = v_splat(1.0f), dr = one;
-    struct vec w = p;
-    for (int i = 0; i < s->iterations; i++) {
-        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
-        vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
-        vfloat inversion = outer_sq / norm_sq;
-        w = vec_along(p, w, v_splat(s->a) * inversion);
-        dr = v_madd(v_splat(s->b) * inversion, dr, one);
-    }
-    return vec_norm(w) / dr;
+    struct vec w = {folded(at->w.x, limit), folded(at->w.y, limit), folded(at->w.z, limit)};
+    vfloat norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->size[0])), outer_sq);
+    vfloat inversion = outer_sq / norm_sq;
+    at->w = vec_along(p, w, v_splat(s->a) * inversion);
+    at->dr = v_madd(v_splat(s->b) * inversion, at->dr, v_splat(1.0f));
+}
+
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+    struct orbit at = {p, v_splat(1.0f)};
+    for (int i = 0; i < s->iterations; i++)
+        map_mandelbox(p, s, &at);
+    return vec_norm(at.w) / at.dr;
 }
 
 // Returns the distance at a point of the shape's frame, wrapped if it is repeated. `type` is a constant where this is
 // inlined in group_distances().
 __attribute__((always_inline)) static inline vfloat
-distance_at(struct vec p, const struct primitive *primitive, enum shape_type type, vmask live) {
+distance_of_type(struct vec p, const struct primitive *primitive, enum shape_type type,
+                 vmask live) {
     switch (type) {
     case SHAPE_SPHERE: return sdf_sphere(p, primitive);
     case SHAPE_BOX: return sdf_box(p, primitive);
@@ -267,7 +212,7 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
         p = vec_wrapped(primitive, p);
     if (kind == EVAL_FIELD)
         return field_at(a, t, p, primitive, live);
-    return distance_at(p, primitive, type, live);
+    return distance_of_type(p, primitive, type, live);
 }
 
 // Returns a lower bound of distance + t for all later t. The distance to a steady shape falls no faster than t grows.

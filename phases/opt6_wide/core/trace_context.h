@@ -1,7 +1,7 @@
 // Rays that are traced together, and what a worker traces them with.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 // Rays of one group. Only lanes of `active` are marched, shaded and written. The other lanes may hold anything.
@@ -16,3 +16,13 @@ struct trace_context {
     const struct view *view;
     struct packet_group *group; // of the rays being marched now
 };
+
+// Returns t where the rays of packet k begin. *cap: how many evaluations they may have, the scene's so far.
+static inline vfloat start_of(const struct ray_group *rays, int k, struct trace_context *world,
+                              int *cap) {
+    (void)rays;
+    (void)k;
+    (void)world;
+    (void)cap;
+    return v_splat(0.0f);
+}

@@ -3,6 +3,8 @@
 // sparsemax" (ICML 2016). τ is found by Michelot's passes (C. Michelot, J. Optim. Theory Appl. 50, 1986).
 #pragma once
 
+#include "simd/simd.h"
+
 #include "core/shape_distances.h"
 #include "groups/field_part.h"
 #include "groups/program.h"
@@ -99,7 +101,7 @@ node_distance(struct vec p, const struct primitive *s, enum shape_type type) {
     case SHAPE_CAPSULE: return sdf_capsule(p, s);
     case SHAPE_ELLIPSOID: return sdf_ellipsoid(p, s);
     case SHAPE_GYROID: return sdf_gyroid(p, s);
-    default: return distance_at(p, s, type, v_mask_all());
+    default: return distance_of_type(p, s, type, v_mask_all());
     }
 }
 

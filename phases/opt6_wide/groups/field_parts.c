@@ -1,6 +1,4 @@
 // Gradients and materials of groups: each part of a field is mixed by the weights of the children that make it.
-#include "core/sdf.h"
-#include "groups/choice.h"
 #include "groups/field.h"
 #include "shading/gradients.h"
 
@@ -140,10 +138,4 @@ struct field_part field_parts(const struct program *program, struct vec at) {
     stack->f = stack->f * v_splat(program->scale);
     stack->gradient = vec_scale(stack->gradient, v_splat(program->scale));
     return *stack;
-}
-
-struct field_part field_at_origin(const struct local_ray *a, const struct primitive *primitive,
-                                  vmask found) {
-    const struct program *program = program_of_ray(a, v_splat(0.0f), found, primitive);
-    return field_parts(program, a->origin);
 }

@@ -1,7 +1,7 @@
 // Groups as programs: a tree of shapes and operations in postfix form. No lanes in here.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 
 // A node of a group's tree (scene.h) in the form that a program needs. Bounds are in its parent's coordinates.
 struct group_node {

@@ -39,7 +39,7 @@ bool land_hits(struct march_state *at, vmask settled, struct vec direction,
     set_local_origins(at->origin, scene, packet);
     set_local_directions(direction, scene, packet);
     at->found = v_andnot(off, at->found);
-    *live = v_cmp_lt_in(off, at->evals, v_splat((float)march_cap(at, &scene->model)));
+    *live = v_cmp_lt_in(off, at->evals, v_splat((float)at->cap));
     return v_any(*live);
 }
 

@@ -33,8 +33,7 @@ static inline void begin_march(struct march_state *at, int k, const struct ray_g
                                struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];
     at->exit = bounds_exit_of(at->origin, rays->direction[k], model);
-    at->left =
-        march_cap(at, model) + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
+    at->left = at->cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
     group->t[k] = first_t(at, live);
     at->last = v_zero_where(live, at->last);
 }
@@ -52,6 +51,6 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
     vmask inside = v_cmp_ngt_in(going, outside_of_bounds(at->exit, t), v_splat(0.0f));
     if (v_same(inside, live) && step < at->left)
         return true;
-    end_rays(at, step, k, going, inside, group, march_cap(at, model));
+    end_rays(at, step, k, going, inside, group, at->cap);
     return v_any(group->live[k]);
 }

@@ -1,7 +1,7 @@
 // What every march needs: where a ray leaves the bounds, how small a step may be, and Newton's last step.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 // Where a ray leaves the bounds: |o + t·d|² > radius², a polynomial in t. Its error is a few 2^-24 of radius², so a

@@ -1,6 +1,8 @@
 // Gradients of the shapes' distances: closed forms, and differences.
 #pragma once
 
+#include "simd/simd.h"
+
 #include "core/shape_distances.h"
 
 // A scene defines its normals by forward differences of its distance over normal_step. In float these differences are
@@ -88,17 +90,17 @@ static inline vfloat moved_power(const struct primitive *primitive, const struct
 static inline vfloat moved_distance(const struct primitive *primitive,
                                     const struct local_ray *local, vmask live, float step,
                                     int axis) {
-    if (primitive->kind == EVAL_POWER)
+    if (primitive->eval == EVAL_POWER)
         return sdf_power(moved_power(primitive, local, step, axis), primitive);
-    if (primitive->kind == EVAL_LINEAR) {
+    if (primitive->eval == EVAL_LINEAR) {
         if (axis < 0)
             return local->origin.x;
         return v_madd(v_splat(primitive->normal[axis]), v_splat(step), local->origin.x);
     }
     struct vec p = moved_in(primitive, local, step, axis);
-    if (primitive->kind == EVAL_FIELD)
+    if (primitive->eval == EVAL_FIELD)
         return field_at(local, v_splat(0.0f), p, primitive, live);
-    return distance_at(p, primitive, primitive->type, live);
+    return distance_of_type(p, primitive, primitive->type, live);
 }
 
 static inline struct vec difference(const struct primitive *primitive,

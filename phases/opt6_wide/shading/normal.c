@@ -53,10 +53,10 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     const struct local_ray *local = &packet->local[shape];
     vmask near = v_and(found, contact);
     struct vec p = moved_in(primitive, local, 0, -1);
-    if (primitive->kind == EVAL_LINEAR) // it has a distance along its normal only
+    if (primitive->eval == EVAL_LINEAR) // it has a distance along its normal only
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
-    if (primitive->kind != EVAL_LINEAR && v_any(v_andnot(contact, found)))
+    if (primitive->eval != EVAL_LINEAR && v_any(v_andnot(contact, found)))
         rounded = difference(primitive, local, found, step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(near, step, scene, packet), rounded);
@@ -72,7 +72,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     default: return rounded;
     }
     exact = turned_back(primitive, exact);
-    if (primitive->kind != EVAL_FIELD) // a group's field is not as steep everywhere
+    if (primitive->eval != EVAL_FIELD) // a group's field is not as steep everywhere
         exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
     struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
@@ -81,7 +81,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
     vmask edge =
         v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (primitive->kind == EVAL_LINEAR) // its difference equals the closed form
+    if (primitive->eval == EVAL_LINEAR) // its difference equals the closed form
         edge = v_and(edge, near);
     return vec_select(edge, rounded, exact);
 }

@@ -18,7 +18,7 @@ static inline void gather_groups(vfloat shape, vmask found, const struct prepare
                                  const struct packet_rays *packet, struct surfaces *all) {
     for (int i = 0; i < scene->model.shape_count; i++) {
         vmask here = v_and(found, v_cmp_eq(shape, v_splat((float)i)));
-        if (scene->primitives[i].kind != EVAL_FIELD || !v_any(here))
+        if (scene->primitives[i].eval != EVAL_FIELD || !v_any(here))
             continue;
         struct field_part part = field_at_origin(&packet->local[i], &scene->primitives[i], here);
         all->color = vec_select(here, part.color, all->color);

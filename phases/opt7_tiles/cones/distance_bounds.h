@@ -16,7 +16,7 @@ __attribute__((always_inline)) static inline vfloat lower_bound(const struct loc
         struct vec p = vec_along(a->origin, a->direction, t);
         d = vec_norm(primitive->repeated ? vec_wrapped(primitive, p) : p) - v_splat(primitive->a);
     } else
-        d = distance_to_shape(a, t, primitive, primitive->repeated, primitive->kind,
+        d = distance_to_shape(a, t, primitive, primitive->repeated, primitive->eval,
                               primitive->type, v_mask_all());
     return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(primitive->error));
 }

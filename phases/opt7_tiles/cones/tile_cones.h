@@ -3,7 +3,7 @@
 // in distance by at most |p − q|: see opt7_tiles/PROOFS.md, 1 and 2.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct march_scratch; // cones/march_scratch.h

@@ -26,7 +26,7 @@ static inline void prepare_bounds(struct primitive *p, const struct shape *shape
 }
 
 static inline void prepare_group_bounds(struct primitive *p) {
-    if (p->kind != EVAL_FIELD)
+    if (p->eval != EVAL_FIELD)
         return;
     p->trust = p->steady ? BOUND_LIPSCHITZ : BOUND_NONE;
     p->error = fmaxf(p->slack, 0x1p-18f);

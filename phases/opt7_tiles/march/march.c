@@ -30,7 +30,7 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
         begin_march(&packets[k], k, rays, group, &scene->model);
     }
     struct shape_list list = group->packet[0].list;
-    if (list.count == 1 && scene->primitives[*list.shape].kind == EVAL_LINEAR) {
+    if (list.count == 1 && scene->primitives[*list.shape].eval == EVAL_LINEAR) {
         march_to_plane(packets, *list.shape, 1, group, &scene->model);
         return;
     }
@@ -48,7 +48,7 @@ void march(struct march_state *packets, const struct ray_group *rays, struct tra
             packets[k].t = group->t[k];
             group->marching[i] = group->marching[--group->count];
         }
-        if (anew && sole.shape >= 0 && scene->primitives[sole.shape].kind == EVAL_LINEAR &&
+        if (anew && sole.shape >= 0 && scene->primitives[sole.shape].eval == EVAL_LINEAR &&
             plane_is_sole_hit(group, &sole)) {
             march_to_plane(packets, sole.shape, step + 1, group, &scene->model);
             return;

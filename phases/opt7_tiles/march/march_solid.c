@@ -1,4 +1,5 @@
 // The march of rays that can hit nothing but one solid.
+#include "core/packet_group.h"
 #include "core/shape_distances.h"
 #include "march/march.h"
 #include "march/march_single.h"
@@ -39,7 +40,7 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
 bool march_solid(struct march_state *packets, int shape, struct packet_group *group,
                  const struct prepared *scene) {
     const struct primitive *primitive = &scene->primitives[shape];
-    if (!primitive->steady || primitive->kind != EVAL_POINT)
+    if (!primitive->steady || primitive->eval != EVAL_POINT)
         return false;
     switch (primitive->type) {
     case SHAPE_SPHERE: march_one_solid(packets, shape, SHAPE_SPHERE, group, scene); return true;

@@ -1,7 +1,7 @@
 // Camera rays that are close to a Mandelbulb march on polynomials: see bulb/bulb_chebyshev.c.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct ray_queues; // core/ray_queues.h

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "core/numerics.h"
-#include "core/primitive.h"
+#include "core/prepared.h"
 
 // A point's orbit. The derivative is slope·√product, with the product of all earlier m. Its recursion,
 // 8·m³·√m·derivative + 1, becomes 8·m³·slope + 1/√product. Only the small summand has a root, so 11 bits are enough,

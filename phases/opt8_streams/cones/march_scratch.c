@@ -1,7 +1,7 @@
 // How a worker's memory is divided.
 #include "cones/march_scratch.h"
+#include "core/local_rays.h"
 #include "core/ray_queues.h"
-#include "core/shape_distances.h"
 #include "groups/choice.h"
 
 // Rounds up to an even count, so that the lists behind the masks are aligned.
@@ -50,4 +50,9 @@ struct march_scratch march_scratch_of(void *memory, const struct model *model) {
     if (model->features.groups > 0)
         place_all_regions(memory, model, &scratch);
     return scratch;
+}
+
+struct packet_rays packet_in(void *scratch, const struct prepared *scene) {
+    struct march_scratch parts = march_scratch_of(scratch, &scene->model);
+    return single_packet(parts.local, scene->all, parts.wake);
 }

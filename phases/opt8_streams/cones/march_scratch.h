@@ -1,7 +1,7 @@
 // A worker's memory: rays in the frames of all shapes, and lists of shapes.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct local_ray; // core/shape_distances.h

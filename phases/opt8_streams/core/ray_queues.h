@@ -3,7 +3,7 @@
 // compaction for GPU path tracing" (HPG 2011); S. Boulos et al., "Adaptive ray packet reordering" (RT 2008).
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct hit;           // core/trace.h

@@ -2,7 +2,7 @@
 // which calls ray_march() and queues shadow and mirror rays; ray_march() calls near_hit() and normal_at().
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 #include "core/near_hit.h" // needs simd.h

@@ -1,7 +1,7 @@
 // Rays that are traced together, and what a worker traces them with.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 struct march_scratch; // cones/march_scratch.h
@@ -29,3 +29,12 @@ struct ray_group {
     struct shape_list others; // shapes for rays that have passed all Mandelbulbs
     int marched; // first pixel of the rays in queues->marched, if they were marched; else −1
 };
+
+// Returns t where the rays of packet k begin. *cap: how many evaluations they may have, the scene's so far.
+static inline vfloat start_of(const struct ray_group *rays, int k, struct trace_context *world,
+                              int *cap) {
+    (void)k;
+    (void)world;
+    (void)cap;
+    return rays->start;
+}

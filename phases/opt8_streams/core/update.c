@@ -30,7 +30,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
     p->convex = shape->type != SHAPE_TORUS && !is_fractal(shape->type);
-    if (p->kind == EVAL_LINEAR)
+    if (p->eval == EVAL_LINEAR)
         p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                           p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
     const struct material *m = &model->materials[shape->material];
@@ -77,7 +77,7 @@ static bool is_single_bulb(const struct prepared *prepared) {
             double away = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
             if (p->repeated || !(away + p->a < model->march.bounds_radius * (1 - 1e-6)))
                 return false;
-        } else if (p->kind == EVAL_LINEAR)
+        } else if (p->eval == EVAL_LINEAR)
             planes++;
         else
             return false;
@@ -90,7 +90,7 @@ static bool is_single_bulb(const struct prepared *prepared) {
 static void prepare_group(struct prepared *prepared, int index) {
     struct primitive *p = &prepared->primitives[index];
     const struct model *model = &prepared->model;
-    if (p->kind != EVAL_FIELD)
+    if (p->eval != EVAL_FIELD)
         return;
     const struct node *root = &model->nodes[model->shapes[index].group.root];
     prepare_group_bounds(p);
@@ -118,7 +118,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         prepare_bounds(p, &model->shapes[i], &model->march);
         prepare_solid(p, &model->shapes[i], model);
         prepare_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
-        prepared->all_bounded = prepared->all_bounded && !p->repeated && p->kind != EVAL_POWER;
+        prepared->all_bounded = prepared->all_bounded && !p->repeated && p->eval != EVAL_POWER;
     }
     prepared->single_bulb = is_single_bulb(prepared);
     compile_groups(prepared);

@@ -1,5 +1,6 @@
 // The march of rays that can hit nothing but a plane. Along the plane's normal the distance is linear in t, so a step
 // is one multiply-add, and several steps can go without a test between them.
+#include "core/packet_group.h"
 #include "core/shape_distances.h"
 #include "march/march.h"
 #include "march/march_single.h"

@@ -35,7 +35,7 @@ static struct surface surface_of(const struct hit *hit, const struct prepared *s
         const struct primitive *s = &scene->primitives[(int)id[__builtin_ctz(rest)]];
         vmask same = v_and(hit->found, is_shape(hit->shape, (int)s->index));
         rest &= ~v_mask_bits(same);
-        if (s->kind == EVAL_FIELD) {
+        if (s->eval == EVAL_FIELD) {
             mix_surface(same, s, packet, &all);
             continue;
         }

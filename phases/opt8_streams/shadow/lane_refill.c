@@ -22,7 +22,7 @@ static void pack_in_place(vmask m, vfloat *first, int count) {
 
 // Returns how many vectors of a local ray are in use.
 static int local_ray_vectors(const struct primitive *primitive) {
-    return primitive->kind == EVAL_POWER ? 8 : 6;
+    return primitive->eval == EVAL_POWER ? 8 : 6;
 }
 
 void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene) {
@@ -32,7 +32,7 @@ void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *s
         const struct primitive *primitive = &scene->primitives[i];
         struct local_ray *a = &packet->local[i];
         if (primitive->steady) {
-            vfloat distance = distance_to_shape(a, stream->t, primitive, false, primitive->kind,
+            vfloat distance = distance_to_shape(a, stream->t, primitive, false, primitive->eval,
                                                 primitive->type, m);
             packet->wake[i * GROUP] = wake_bound_inside(distance + stream->t, primitive);
             least = v_min(distance, least);
@@ -67,7 +67,7 @@ static void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
         const struct primitive *primitive = &world->scene->primitives[i];
         fill_vectors(m, (vfloat *)&group->packet[k].local[i],
                      (const vfloat *)&stream->packet.local[i], gone, local_ray_vectors(primitive));
-        if (primitive->kind == EVAL_FIELD)
+        if (primitive->eval == EVAL_FIELD)
             forget_region(group->packet[k].local[i].region);
         vfloat *wake = &group->packet[k].wake[i * GROUP];
         if (primitive->steady)

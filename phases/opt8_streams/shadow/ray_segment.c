@@ -57,7 +57,7 @@ static struct ray_segment segment_of(const struct packet_rays *packet,
             continue;
         struct ray_segment one = {v_splat(-INFINITY), v_splat(INFINITY)};
         for (int j = 0; j < scene->model.shape_count && !scene->primitives[i].repeated; j++) {
-            if (scene->primitives[j].kind != EVAL_LINEAR)
+            if (scene->primitives[j].eval != EVAL_LINEAR)
                 continue;
             struct ray_segment here =
                 segment_before_plane(&packet->local[i], &packet->local[j], &scene->primitives[i]);

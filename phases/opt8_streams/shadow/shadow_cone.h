@@ -1,7 +1,7 @@
 // Cones around shadow rays, and the bounds they give on a shape's distance along the ray: see PROOFS.md.
 #pragma once
 
-#include "core/primitive.h"
+#include "core/prepared.h"
 #include "simd/simd.h"
 
 // Whether a cone of slope q around a ray misses a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0. The coefficients of the
@@ -61,7 +61,7 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
 // decide (self_shadow()), where the surface is flat enough.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                                 const struct prepared *scene) {
-    if (is_fractal(s->type) || s->kind == EVAL_FIELD)
+    if (is_fractal(s->type) || s->eval == EVAL_FIELD)
         return v_mask_none();
     vmask may = v_mask_all();
     if (!s->convex)

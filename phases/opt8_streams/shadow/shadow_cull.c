@@ -71,7 +71,7 @@ void list_occluders(const struct hit *hit, const struct lighting *light,
     queues->occluder_count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *s = &scene->primitives[i];
-        if (!known || s->kind == EVAL_LINEAR || !bundle_misses(&ball, s))
+        if (!known || s->eval == EVAL_LINEAR || !bundle_misses(&ball, s))
             queues->occluders[queues->occluder_count++] = i;
     }
 }
@@ -88,7 +88,7 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
         int i = world->queues->occluders[k];
         const struct primitive *s = &scene->primitives[i];
         vmask same = v_and(is_shape(hit->shape, i), hit->smooth), here;
-        if (s->kind == EVAL_LINEAR) {
+        if (s->eval == EVAL_LINEAR) {
             vfloat slope = vec_dot(vec_set(s->normal), light->to_light);
             here = v_or(same, plane_clears(height_over(s, point), slope, q, &scene->model));
         } else {
@@ -130,7 +130,7 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec norma
     vfloat t = v_splat((float)model->march.surface_offset),
            hit = v_splat((float)model->march.hit_distance);
     vfloat half = v_splat(0.0f);
-    if (s->kind != EVAL_LINEAR)
+    if (s->eval != EVAL_LINEAR)
         half = half_curvature(local, turned(s, normal), turned(s, light->to_light), facing, s);
     vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
     vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;

@@ -18,12 +18,6 @@ static struct bounds_exit bounds_exit_of(struct point origin, struct vec directi
                                 vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-// Returns which points are within the bounds, in doubles.
-static vmask within(struct point place, const struct model *model) {
-    double radius = model->march.bounds_radius;
-    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
-}
-
 static inline vmask outside(struct bounds_exit exit, vfloat t) {
     return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
 }
@@ -71,7 +65,8 @@ __attribute__((noinline)) static void distances(const struct trace_context world
             distances_to_mandelbox(rays, t, s, to);
         for (int k = 0; k < PAIR; k++)
             if (on[k] && !(s->type == SHAPE_MANDELBOX && on[1 - k]))
-                to[k] = distance_to_shape(rays[k], t[k], s, done[k]);
+                to[k] = distance_to_shape(rays[k], t[k], s, s->repeated, s->eval, s->type,
+                                          v_not(done[k]));
         for (int k = 0; k < PAIR; k++)
             if (on[k])
                 h[k] = v_min(to[k], h[k]);

@@ -54,3 +54,88 @@ struct vec normal_at(struct vec direction, vmask found, const struct hit_surroun
                      const struct trace_context *world, vfloat *slope);
 void trace(const struct ray_pair *rays, int bounce, const struct trace_context world[PAIR],
            struct shaded result[PAIR]);
+
+// Fills one local_rays per shape: where the rays are, and then where they go.
+static inline void set_local_origins(struct point origin, const struct prepared *scene,
+                                     struct local_ray *local_rays) {
+    struct vec_double at = vec_double_of(origin);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *s = &scene->primitives[i];
+        if (s->eval != EVAL_LINEAR && s->eval != EVAL_POWER && !s->turned && !s->repeated) {
+            local_rays[i].origin = point_sub(origin, s->position, s->position_lo);
+            continue;
+        }
+        struct vec_double from = vec_double_sub(at, s->centre);
+        local_rays[i].origin.x = coordinate(s, from, 0);
+        if (s->eval == EVAL_LINEAR)
+            continue;
+        local_rays[i].origin.y = coordinate(s, from, 1);
+        local_rays[i].origin.z = coordinate(s, from, 2);
+        if (s->eval == EVAL_POWER)
+            local_rays[i].power = power_at(from, s->radius_sq);
+    }
+}
+
+static inline void set_local_directions(struct vec direction, const struct prepared *scene,
+                                        struct local_ray *local_rays) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *s = &scene->primitives[i];
+        if (s->eval == EVAL_LINEAR) {
+            local_rays[i].direction.x = vec_dot(vec_set(s->normal), direction);
+            continue;
+        }
+        local_rays[i].direction = turned(s, direction);
+        if (s->eval == EVAL_POWER) {
+            local_rays[i].slope =
+                v_splat(2.0f) * vec_dot(local_rays[i].origin, local_rays[i].direction);
+        }
+    }
+}
+
+// Moves the origins along the rays by a short distance.
+static inline void move_local_rays(vfloat by, const struct prepared *scene,
+                                   struct local_ray *local_rays) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        struct local_ray *a = &local_rays[i];
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
+        if (scene->primitives[i].eval == EVAL_LINEAR)
+            continue;
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
+        if (scene->primitives[i].eval == EVAL_POWER)
+            a->power = v_madd(by, by + a->slope, a->power);
+    }
+}
+
+// Returns the points at distance t along the rays, in the shape's frame, wrapped if it is repeated.
+static inline struct vec point_on(const struct local_ray *a, vfloat t, const struct primitive *s) {
+    struct vec p = vec_along(a->origin, a->direction, t);
+    return s->repeated ? vec_wrapped(s, p) : p;
+}
+
+// Two packets in turns: while one waits for a result, the other computes.
+static inline void distances_to_mandelbox(const struct local_ray *const rays[2], const vfloat t[2],
+                                          const struct primitive *s, vfloat to[2]) {
+    struct vec p[2] = {point_on(rays[0], t[0], s), point_on(rays[1], t[1], s)};
+    struct orbit at[2] = {{p[0], v_splat(1.0f)}, {p[1], v_splat(1.0f)}};
+    for (int i = 0; i < s->iterations; i++)
+        for (int k = 0; k < 2; k++)
+            map_mandelbox(p[k], s, &at[k]);
+    for (int k = 0; k < 2; k++)
+        to[k] = vec_norm(at[k].w) / at[k].dr;
+}
+
+// Returns the distance to the nearest shape and sets its index (the first of equals). Lanes of `done` may hold anything.
+static inline vfloat sdf(const struct local_ray *local_rays, vfloat t, const struct prepared *scene,
+                         vmask done, vfloat *nearest) {
+    vfloat least = v_splat(INFINITY);
+    vmask live = v_not(done);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *s = &scene->primitives[i];
+        vfloat distance =
+            distance_to_shape(&local_rays[i], t, s, s->repeated, s->eval, s->type, live);
+        *nearest = v_select(v_cmp_lt(distance, least), v_splat(s->index), *nearest);
+        least = v_min(distance, least);
+    }
+    return least;
+}

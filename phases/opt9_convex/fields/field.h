@@ -7,6 +7,7 @@
 #include "core/bvh.h"
 #include "scene/scene.h"
 
+struct prepared;
 struct program; // groups/program.h
 
 struct field {
@@ -30,7 +31,7 @@ struct field_set;
 // Reserves the fields of the model's groups. Returns NULL if memory is short.
 struct field_set *fields_reserve(const struct model *model);
 void fields_free(struct field_set *set);
-// Prepares them, again whenever the shapes have moved.
-void fields_prepare(struct field_set *set, const struct model *model);
+// Prepares them, again whenever the shapes have moved. Precondition: their programs are compiled.
+void fields_prepare(struct field_set *set, const struct prepared *prepared);
 // Returns the field of shape i, a group.
 struct field *field_of(struct field_set *set, int i);

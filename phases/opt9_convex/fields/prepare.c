@@ -1,13 +1,12 @@
-// Prepares groups: their programs, and the balls of a union's children. No lanes in here.
-#include "core/primitives.h"
+// Prepares groups: the balls of a union's children. No lanes in here.
 #include "fields/field.h"
 #include "groups/program.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 struct field_set {
-    struct prepared programs; // of opt6_wide's files: model, primitives, groups
-    struct field *fields;     // one per shape; not set of others than groups
+    struct field *fields; // one per shape; not set of others than groups
     struct bvh_leaf *leaves;
     int shapes;
 };
@@ -25,12 +24,9 @@ struct field_set *fields_reserve(const struct model *model) {
     if (!set)
         return NULL;
     size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
-    set->programs.primitives = calloc(shapes, sizeof *set->programs.primitives);
-    set->programs.groups = groups_reserve(model);
     set->fields = calloc(shapes, sizeof *set->fields);
     set->leaves = calloc(nodes + 1, sizeof *set->leaves);
-    bool all = set->programs.primitives && set->fields && set->leaves &&
-               (set->programs.groups || nodes == 0);
+    bool all = set->fields && set->leaves;
     for (int i = 0; all && i < model->shape_count; i++, set->shapes++)
         if (model->shapes[i].type == SHAPE_GROUP)
             all = reserve_balls(&set->fields[i], &model->nodes[model->shapes[i].group.root]);
@@ -48,8 +44,6 @@ void fields_free(struct field_set *set) {
         free(set->fields[i].sphere);
         free(set->fields[i].first);
     }
-    free(set->programs.primitives);
-    free(set->programs.groups);
     free(set->fields);
     free(set->leaves);
     free(set);
@@ -119,15 +113,12 @@ static void set_balls(struct field *f, const struct model *model, int root_index
     }
 }
 
-void fields_prepare(struct field_set *set, const struct model *model) {
-    set->programs.model = *model;
-    for (int i = 0; i < model->shape_count; i++)
-        set->programs.primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
-    compile_groups(&set->programs);
+void fields_prepare(struct field_set *set, const struct prepared *prepared) {
+    const struct model *model = &prepared->model;
     for (int i = 0; i < model->shape_count; i++) {
         if (model->shapes[i].type != SHAPE_GROUP)
             continue;
-        const struct primitive *p = &set->programs.primitives[i];
+        const struct primitive *p = &prepared->primitives[i];
         int index = model->shapes[i].group.root;
         const struct node *root = &model->nodes[index];
         struct field *f = &set->fields[i];

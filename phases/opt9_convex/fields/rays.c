@@ -26,6 +26,15 @@ vfloat field_distance(const struct field *field, struct vec p) {
     return f;
 }
 
+// The distance to a group as core/shape_distances.h asks for it.
+vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
+                const struct primitive *primitive, vmask live) {
+    (void)a;
+    (void)t;
+    (void)live;
+    return field_distance(primitive->field, p);
+}
+
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
     struct step room[field->program->length];
     int list[field->balls.level[0].count + 1];

@@ -2,7 +2,7 @@
 // lists, by a BVH however few the shapes, or sphere tracing (fallback/). Unset or empty: the scene decides.
 #pragma once
 
-#include "types/primitive.h"
+#include "core/prepared.h"
 
 // Returns the path that STEPWISE_PATH names, PATH_DEFAULT if it names none.
 enum draw_path draw_path_forced(void);

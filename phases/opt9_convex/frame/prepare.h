@@ -2,7 +2,7 @@
 // built once share this header.
 #pragma once
 
-#include "types/primitive.h"
+#include "core/prepared.h"
 
 // Allocates the arrays for the model's shapes. Precondition: *prepared is zeroed. Returns false if memory is
 // short; the caller frees `prepared` in either case.

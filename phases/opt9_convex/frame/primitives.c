@@ -1,106 +1,15 @@
-// Prepares a scene's shapes once (types/primitive.h): frames, sizes, bounds, whether closed forms can draw the
+// Prepares a scene's shapes once (core/prepared.h): frames, sizes, bounds, whether closed forms can draw the
 // scene, which repeated shapes share a grid, and the BVH. No vectors here.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/primitives.h"
 #include "fields/field.h"
 #include "frame/prepare.h"
+#include "groups/program.h"
 #include "hit/sharp.h"
-#include "scene/vector.h"
 #include "types/ideal.h"
-
-// Sets row, centre, offset and normal (see struct primitive). A linear plane has one row.
-static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
-                         struct primitive_extra *extra) {
-    bool linear = p->eval == EVAL_LINEAR;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            const double *n = shape->plane.normal;
-            p->row[i][j] =
-                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
-        }
-        p->centre[i] = shape->position[i];
-    }
-    if (p->eval == EVAL_POWER) {
-        extra->radius_sq = shape->sphere.radius * shape->sphere.radius;
-        p->b = (float)extra->radius_sq;
-    }
-    if (linear) {
-        p->offset = shape->plane.offset;
-        to_floats(p->row[0], p->normal);
-    }
-}
-
-static void prepare_mandelbox(struct primitive *p, const struct shape *shape) {
-    p->a = (float)shape->mandelbox.scale;
-    p->b = (float)fabs(shape->mandelbox.scale);
-    p->c = (float)shape->mandelbox.fold_limit;
-    p->size[0] = (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
-    p->size[1] = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
-    p->iterations = shape->mandelbox.iterations;
-}
-
-static struct primitive prepare_shape(int index, const struct shape *shape,
-                                      const struct limits *limits, struct primitive_extra *extra) {
-    struct primitive p = {
-        .type = shape->type, .index = (float)index, .next_same_grid = -1, .leader = index};
-    double turn[3][3];
-    rotation_matrix(shape->rotation_degrees, turn);
-    for (int i = 0; i < 3; i++) {
-        split(shape->position[i], &p.position[i], &extra->position_lo[i]);
-        to_floats(turn[i], p.turn[i]);
-        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
-        p.repeated = p.repeated || shape->repeat[i] > 0.0;
-        p.cell[i] = (float)shape->repeat[i];
-        p.wide_cell[i] = shape->repeat[i];
-        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
-        p.per_cell[i] = (float)p.wide_per_cell[i];
-    }
-    p.eval = eval_kind_of(shape, p.repeated, limits);
-    prepare_rows(&p, shape, turn, extra);
-    switch ((int)shape->type) {
-    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
-    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
-    case SHAPE_ROUNDED_BOX:
-        to_floats(shape->box.half_size, p.size);
-        p.a = (float)shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.a = (float)shape->torus.major_radius;
-        p.b = (float)shape->torus.minor_radius;
-        // Hit distance of its march: about 4 ulps of its size.
-        p.c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
-        break;
-    case SHAPE_CONE: {
-        double across = shape->cone.top_radius - shape->cone.bottom_radius;
-        double up = 2.0 * shape->cone.half_height;
-        p.a = (float)shape->cone.bottom_radius;
-        p.b = (float)shape->cone.top_radius;
-        p.c = (float)shape->cone.half_height;
-        p.slope[0] = (float)across;
-        p.slope[1] = (float)up;
-        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
-        break;
-    }
-    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        to_floats(shape->plane.normal, p.size);
-        p.a = (float)shape->plane.offset;
-        break;
-    case SHAPE_MANDELBOX: prepare_mandelbox(&p, shape); break;
-    case SHAPE_GROUP: break;
-    case SHAPE_CAPSULE:
-        p.a = (float)shape->capsule.radius;
-        p.c = (float)shape->capsule.half_height;
-        break;
-    default:
-        p.bailout = (float)shape->mandelbulb.bailout;
-        p.iterations = shape->mandelbulb.iterations;
-        break;
-    }
-    return p;
-}
 
 // Returns the radius of the bounding sphere about the shape's position. The factor 1 + 1e-5 covers rounding;
 // a sphere's radius is exact.
@@ -129,8 +38,7 @@ static double bounding_radius(const struct shape *shape) {
 // Sets the sizes and the bound of a group's solid, whose frame is set.
 static void prepare_leaf(struct primitive *p, const struct shape *shape,
                          const struct limits *limits) {
-    struct primitive_extra extra;
-    struct primitive sized = prepare_shape(0, shape, limits, &extra);
+    struct primitive sized = prepare_shape(0, shape, limits);
     double bound = bounding_radius(shape);
     memcpy(sized.position, p->position, sizeof p->position);
     memcpy(sized.turn, p->turn, sizeof p->turn);
@@ -142,14 +50,14 @@ static void prepare_leaf(struct primitive *p, const struct shape *shape,
 }
 
 // Moves a group's position to the centre of its sphere.
-static void prepare_group(struct primitive *p, const struct field *field, const struct sharp *sharp,
-                          struct primitive_extra *extra) {
+static void prepare_group(struct primitive *p, const struct field *field,
+                          const struct sharp *sharp) {
     p->field = field;
     p->sharp = sharp;
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++)
             p->centre[k] += p->row[i][k] * (double)field->centre[i];
-        split(p->centre[k], &p->position[k], &extra->position_lo[k]);
+        split(p->centre[k], &p->position[k], &p->position_lo[k]);
     }
 }
 
@@ -193,6 +101,10 @@ static bool fits_its_cells(const struct shape *shape, struct primitive *p,
 static void prepare_solid(struct primitive *p, const struct shape *shape,
                           const struct model *model) {
     double bound = bounding_radius(shape);
+    p->next_same_grid = -1;
+    p->leader = (int)p->index;
+    if (p->type == SHAPE_TORUS) // hit distance of its march: about 4 ulps of its size
+        p->c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
     p->convex =
@@ -252,7 +164,7 @@ static void build_bvh(struct prepared *prepared) {
     }
     bvh_build(&prepared->bvh, prepared->leaves, solids);
     for (int i = 0; i < solids; i++)
-        prepared->extras[prepared->bvh.shape[i]].bvh_rank = i;
+        prepared->primitives[prepared->bvh.shape[i]].bvh_rank = i;
 }
 
 // Links the repeated shapes after `first` that have its frame and its cells.
@@ -304,7 +216,7 @@ static void add_group(struct prepared *prepared, int i, struct primitive *p) {
         if (sharp->shape[k])
             prepare_leaf(&sharp->leaf[k], sharp->shape[k], &prepared->model.march);
     prepared->sharp_count += is_sharp;
-    prepare_group(p, field, is_sharp ? sharp : NULL, &prepared->extras[i]);
+    prepare_group(p, field, is_sharp ? sharp : NULL);
 }
 
 static bool has_jumps(const struct shape *group) {
@@ -320,11 +232,13 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
     *known = known_of(&prepared->model);
     known->primitives = prepared->primitives;
     prepared->plane_count = 0;
-    fields_prepare(prepared->fields, model);
+    for (int i = 0; i < model->shape_count; i++)
+        prepared->primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
+    compile_groups(prepared);
+    fields_prepare(prepared->fields, prepared);
     prepared->sharp_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->primitives[i];
-        *p = prepare_shape(i, &model->shapes[i], &model->march, &prepared->extras[i]);
         prepare_solid(p, &model->shapes[i], model);
         if (p->type == SHAPE_GROUP)
             add_group(prepared, i, p);
@@ -352,14 +266,14 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
 bool reserve_prepared(struct prepared *prepared, const struct model *model) {
     size_t count = (size_t)model->shape_count;
     prepared->primitives = calloc(count, sizeof *prepared->primitives);
-    prepared->extras = calloc(count, sizeof *prepared->extras);
+    prepared->groups = groups_reserve(model);
     prepared->cameras = calloc(count, sizeof *prepared->cameras);
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
     prepared->fields = fields_reserve(model);
     prepared->sharps = calloc((size_t)model->features.groups + 1, sizeof *prepared->sharps);
-    return prepared->fields && prepared->sharps && prepared->primitives && prepared->extras &&
-           prepared->cameras && prepared->planes && prepared->leaves &&
+    return prepared->fields && prepared->sharps && prepared->primitives && prepared->cameras &&
+           prepared->planes && prepared->leaves && (prepared->groups || model->node_count == 0) &&
            bvh_reserve(&prepared->bvh, model->shape_count);
 }
 
@@ -370,6 +284,6 @@ void free_prepared(struct prepared *prepared) {
     free(prepared->leaves);
     free(prepared->planes);
     free(prepared->cameras);
-    free(prepared->extras);
+    free(prepared->groups);
     free(prepared->primitives);
 }

@@ -2,7 +2,7 @@
 // for modeling solids", Computer Graphics and Image Processing 18, 1982).
 #pragma once
 
-#include "types/primitive.h"
+#include "core/prepared.h"
 
 enum { SHARP_LEAVES = 24, SHARP_STEPS = 4 * SHARP_LEAVES };
 

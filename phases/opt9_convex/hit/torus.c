@@ -1,4 +1,5 @@
 // Where rays enter a torus: the only solid that is marched.
+#include "hit/quotient.h"
 #include "hit/solids.h"
 
 // Sphere tracing with two accelerations. First, the hull: the distance to the disc that fills the ring, less
@@ -9,16 +10,17 @@
 // steps.
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t) {
-    vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f), bound = v_splat(s->bound);
+    vfloat tiny = v_splat(1e-30f);
     // The ray enters between two planes and in the cylinder about the ring. Both are 2^-10 wider for
     // rounding.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
-    vfloat per = v_splat(1.0f) / (v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
+    vfloat per = quotient(one, v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
     vfloat square = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f));
     vfloat b = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
     vfloat inside = v_nmadd(square, far - v_splat(outer_sq), b * b);
-    vfloat half = v_sqrt(v_max(inside, zero)), per_square = v_splat(1.0f) / square;
+    vfloat half = v_sqrt(v_max(inside, zero)), per_square = quotient(one, square);
     vfloat at = v_max(v_max(*t, zero - middle - width), (zero - b - half) * per_square);
     vfloat out = v_min(width - middle, (half - b) * per_square);
     near = v_and(near, v_and(v_cmp_ge(inside, zero), v_cmp_ge(out, at)));
@@ -32,9 +34,10 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
         vmask outer = v_cmp_gt(ring, zero);
         vfloat h = tube - v_splat(s->b);
         vfloat hull = v_select(outer, h, v_abs(p.y) - v_splat(s->b));
-        vfloat per_radius = v_splat(1.0f) / v_max(radius, tiny);
-        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius;          // derivative of the radius
-        vfloat fall = v_madd(ring, rate, p.y * d.y) / v_max(tube, tiny); // derivative of h
+        vfloat per_radius = quotient(one, v_max(radius, tiny));
+        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius; // derivative of the radius
+        vfloat fall =                                           // derivative of h
+            quotient(v_madd(ring, rate, p.y * d.y), v_max(tube, tiny));
         vfloat hull_fall = v_select(outer, fall, v_negate_where(v_signbit(p.y), d.y));
         vmask reached = v_and(going, v_cmp_lt(v_abs(h), v_splat(s->c))),
               outside = v_cmp_gt(h, zero);
@@ -43,9 +46,10 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
         // Inside the tube: Newton's step back.
         vfloat below = v_select(outside, v_max(bent - fall, v_splat(1e-6f)),
                                 v_max(zero - fall, v_splat(0.05f)));
-        vfloat newton = v_select(outside, h + h, h) / below;
+        vfloat newton = quotient(v_select(outside, h * v_splat(2 * (1 - SHORTER)), h), below);
         vfloat safe = v_max(h, v_min(newton, radius * v_splat(0.25f)));
-        vfloat hull_step = zero - hull / v_min(hull_fall, v_splat(-1e-6f));
+        vfloat hull_step =
+            quotient(hull * v_splat(1 - SHORTER), v_max(zero - hull_fall, v_splat(1e-6f)));
         vfloat ahead = v_select(v_cmp_gt(hull, zero), v_max(safe, hull_step), safe);
         vmask back = v_andnot(outside, v_cmp_lt(fall, zero));
         at = v_select(going, at + v_select(back, newton, v_select(outside, ahead, h)), at);

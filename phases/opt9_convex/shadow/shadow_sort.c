@@ -56,7 +56,7 @@ void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *sce
         int shape = (int)scratch->shadow[S_SHAPE][i];
         bool linear = scene->primitives[shape].eval == EVAL_LINEAR;
         scratch->code[i] = (unsigned short)(linear ? scratch->code[i] | PLANE_CODE
-                                                   : scene->extras[shape].bvh_rank);
+                                                   : scene->primitives[shape].bvh_rank);
         scratch->order[0][i] = (unsigned short)i;
     }
     sort_by(scratch->code, 0, count, scratch->order[0], scratch->order[1]);

@@ -3,7 +3,7 @@
 #ifndef OPT9_KNOWN_SCENE_H
 #define OPT9_KNOWN_SCENE_H
 
-#include "types/primitive.h"
+#include "core/prepared.h"
 #include "types/shape_sets.h"
 
 // The scene as `const struct known_scene *`.

@@ -9,8 +9,6 @@
 #include "march/march_step.h"
 #include "rods.h"
 
-#include <stdlib.h>
-
 // Where the rays of a block begin, the steps of their rods, and their share of them (see struct survey).
 struct ray_starts {
     vfloat start, steps, share;
@@ -48,6 +46,12 @@ static struct survey *init_packet_rays(struct packet_group *group, void *scratch
     for (int k = 0; k < GROUP; k++)
         group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
     return (struct survey *)(local + GROUP * shapes);
+}
+
+struct packet_rays packet_in(void *scratch, const struct prepared *scene) {
+    struct packet_group group;
+    init_packet_rays(&group, scratch, scene->model.shape_count);
+    return group.packet[0];
 }
 
 // Sets where a block's rays begin; −1 for rays that hit nothing. Returns the other lanes.
@@ -158,26 +162,4 @@ int VARIANT(tiles)(const struct frame *frame) {
 
 void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
     draw_tile(job, tile, scratch);
-}
-
-bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
-                        double *distance, int *nearest) {
-    size_t size = VARIANT(scratch_size)(&prepared->model);
-    void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!scratch)
-        return false;
-    struct packet_group group;
-    init_packet_rays(&group, scratch, prepared->model.shape_count);
-    struct packet_rays *packet = &group.packet[0];
-    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (size_t i = 0; i < count; i++) {
-        vfloat shape = v_splat(-1.0f);
-        set_local_origins(point_from_doubles(points + 3 * i), prepared, packet);
-        set_local_directions(nowhere, prepared, packet);
-        distance[i] =
-            v_lane0(nearest_shape_at(packet, v_splat(0.0f), prepared, v_mask_all(), &shape));
-        nearest[i] = (int)v_lane0(shape);
-    }
-    free(scratch);
-    return true;
 }

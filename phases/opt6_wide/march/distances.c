@@ -1,5 +1,4 @@
 // Distances at given points, for tests (common/phase.h).
-#include "cones/march_scratch.h"
 #include "core/kernel.h"
 #include "core/local_rays.h"
 #include "core/pixel_block.h"
@@ -8,12 +7,11 @@
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = march_scratch_size(&prepared->model);
+    size_t size = VARIANT(scratch_size)(&prepared->model);
     void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!scratch)
         return false;
-    struct march_scratch parts = march_scratch_of(scratch, &prepared->model);
-    struct packet_rays all = single_packet(parts.local, prepared->all, parts.wake), *packet = &all;
+    struct packet_rays rays = packet_in(scratch, prepared), *packet = &rays;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
