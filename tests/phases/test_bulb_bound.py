@@ -55,7 +55,7 @@ def least_share(low: str, high: float, bound: arb, share: arb) -> float:
 
 
 def test_estimate_exceeds_the_share_of_the_distance_to_the_bounding_sphere() -> None:
-    share = constant("types/primitive.h", r"#define BULB_SHARE ([0-9.]+)f")
+    share = constant("core/prepared.h", r"#define BULB_SHARE ([0-9.]+)f")
     bound = constant("frame/primitives.c", r"case SHAPE_MANDELBULB:\s*return ([0-9.]+);")
     assert share > 0 and float(bound) == 1.15
     assert least_share("1.15", FAR, bound, share) > float(share)
