@@ -306,9 +306,11 @@ def judged(args: argparse.Namespace) -> Outcome:
     else:
         scene = crowds.scene(lab.crowd, lab.shapes, args.student) if lab.crowd else None
         if not args.phase:
-            place = f"; its scene is {scene.path.relative_to(registry.ROOT)}" if scene else ""
-            asks = f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine{place}"
-            raise StudyError(asks)
+            asks = f"lab {lab.number} asks for a phase: make judge LAB={lab.number} NAME=mine"
+            if not scene:
+                raise StudyError(asks)
+            place = scene.path.relative_to(registry.ROOT)
+            return Outcome({"lab": lab.number, "scene": place}, [f"Its scene is {place}; {asks}"])
         scene = scene or registry.find_scene(lab.scene)
         spec = Spec.parse(args.phase)
         if not lab.start:

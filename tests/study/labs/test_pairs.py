@@ -147,8 +147,8 @@ def test_a_crowd_is_the_student_s_own():
 
 
 def test_where_the_scene_is_is_said(judged):
-    with pytest.raises(cli.StudyError, match=r"build/labs/scenes/sphere-1024-3\.json"):
-        judged(7, "--student", 3)
+    status, told = judged(7, "--student", 3)
+    assert (status, told["scene"]) == (0, "build/labs/scenes/sphere-1024-3.json")
 
 
 def test_threads_want_as_many_cpus(monkeypatch):
