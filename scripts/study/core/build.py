@@ -37,6 +37,11 @@ def build(
         return _build(str(spec), target, folder, settings)
 
 
+def is_built(path: Path) -> bool:
+    """Whether tests/run.py has built it."""
+    return str(path) in os.environ.get(BUILT, "").split(os.pathsep)
+
+
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """While no other process makes anything in that folder: a phase's build may make its parent's."""
@@ -53,6 +58,8 @@ def _alone(folder: Path) -> Iterator[None]:
 
 def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
     """Programs by spec and target, by one make with `jobs` jobs. Of what fails, build() says why."""
+    if all(is_built(ROOT / "build" / str(spec) / target) for spec, target in tasks):
+        return
     command = ["make", "-s", "-k", f"-j{jobs}", "-C", str(ROOT), *(f"build/{s}/{t}" for s, t in tasks)]
     with _one_at_a_time, _alone(ROOT / "build"), contextlib.suppress(FileNotFoundError):
         paths = [ROOT / "build" / str(spec) / target for spec, target in tasks]
@@ -66,7 +73,7 @@ def build_together(tasks: Sequence[tuple[Spec, str]], jobs: int) -> None:
 @functools.cache
 def _build(spec: str, target: str, folder: str, settings: tuple[str, ...]) -> Path:
     path = ROOT / folder / spec / target
-    if str(path) in os.environ.get(BUILT, "").split(os.pathsep):
+    if is_built(path):
         return path
     command = ["make", "-s", "-C", str(ROOT), f"BUILD={folder}", *settings, str(path.relative_to(ROOT))]
     try:

@@ -52,6 +52,7 @@ def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     hanging(tmp_path, "make")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv(child.LIMIT, "0.5")
+    monkeypatch.delenv(build.BUILT, raising=False)
     with pytest.raises(StudyError, match=r"make: no end after 0.5 s; killed"):
         build._build.__wrapped__("opt1", "render", "build", ())
     with pytest.raises(StudyError, match=r"build: no end after 0.5 s; killed"):
