@@ -35,7 +35,7 @@ def written(path: Path, **changed: object) -> Path:
 @pytest.mark.parametrize("name", TAKING)
 def test_every_command_with_scenes_takes_a_path(name: str, tmp_path: Path) -> None:
     words = ["--scene", str(written(tmp_path / "mine.json"))]
-    words = {"try": ["opt4", *words]}.get(name, words)
+    words = {"try": ["opt4", *words], "leaderboard": ["phases", *words]}.get(name, words)
     found = PARSERS[name].parse_args(words).scene
     assert found in ("mine", ["mine"]) and registry.find_scene("mine").path == tmp_path / "mine.json"
     assert registry.find_animated("mine").data == registry.find_scene("two_spheres").data
