@@ -17,9 +17,10 @@ include common/rules.mk
 ifneq ($(shell command -v ccache),)
 export EM_COMPILER_WRAPPER := ccache
 endif
+# no-stack-coloring: LLVM 14 moves a load that is splatted behind a store to the same place of the stack (see immintrin.h).
 # fopen: the scene is in memory. Threads are not used, so that the one function of theirs that musl lacks does nothing.
 WEB_FLAGS := -std=c11 -D_GNU_SOURCE -O3 -ffp-contract=off -msimd128 -Icommon -Iweb/include -I$(BUILD)/include -I$(BUILD)/jansson \
-    -DLANES=8 '-DVARIANT(a)=lanes8_\#\#a' -Dfopen=web_open '-Dpthread_attr_setaffinity_np(a,b,c)=0' -Werror
+    -mllvm -no-stack-coloring -DLANES=8 '-DVARIANT(a)=lanes8_\#\#a' -Dfopen=web_open '-Dpthread_attr_setaffinity_np(a,b,c)=0' -Werror
 WEB_COMMON := $(wildcard common/scene/*.c common/workers/*.c) common/frame/present.c common/viewer/camera.c common/viewer/window/pace.c
 WEB_LINK := -s STANDALONE_WASM --no-entry -s ALLOW_MEMORY_GROWTH -s INITIAL_MEMORY=16MB -s TOTAL_STACK=4MB \
     -s ERROR_ON_UNDEFINED_SYMBOLS=0 -s WARN_ON_UNDEFINED_SYMBOLS=0# 16 lanes, pinning: never called

@@ -27,8 +27,12 @@ LACKS = [
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(LACKS), reason=f"needs {', '.join(LACKS)}")]
 
 PHASES = ["baseline", "opt1", "opt2", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt11_ideal"]
-# What is drawn: scene0 by all, and rays in batches among more shapes than lists hold.
-DRAWN = [*((phase, "scene0") for phase in PHASES), ("opt9_convex", "crowd256"), ("opt11_ideal", "crowd256")]
+# What is drawn: scene0 by all, a Mandelbulb, and rays in batches among more shapes than lists hold.
+DRAWN = [
+    *((phase, "scene0") for phase in PHASES),
+    ("opt8_streams", "mandelbulb"),
+    ("opt9_convex", "crowd256"),
+]
 WIDTH, HEIGHT = 128, 72
 PLANES = {"R": 0, "G": 1, "B": 2, "Z": 3, "id": 4, "N.x": 5, "N.y": 6, "N.z": 7, "evals": 8}
 BROKEN = ('{"camera": 1', '{"camera": {}, "lights": 1}', "[]")
