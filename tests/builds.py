@@ -34,6 +34,7 @@ SETTINGS = {
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
 BY_CLANG = ("baseline", "opt4", "opt6_wide")  # of each kind one
+GROUPS_BY_CLANG = "opt11_ideal"  # its tree has every file that draws groups by vectors, opt12's kernels apart
 RACED = ("opt8_streams", "opt9_convex", "opt10_scene", "packets")  # by test_threads
 # Whose blocks test_blocks counts: scalar, without pointers, by hand, lanes, and the last, whose tree has the
 # files of opt9 and opt10 as well; and what clang makes of two of them.
@@ -114,7 +115,7 @@ def rest_tests() -> Tests:
     for name in phases():
         tests[f"{name} read by clang"] = {"build/clang": [f"{name}/syntax/read"]}
         tests[f"{name} sanitized"] = {"build/asan": [f"{name}/render", f"{name}/probe"]}
-    for name in BY_CLANG:
+    for name in (*BY_CLANG, GROUPS_BY_CLANG):
         tests[f"{name} by clang"] = {"build/clang": [f"{name}/render", f"{name}/probe"]}
     for name in phases("costs.def"):
         tests[f"{name} counted"] = {"build": [f"{name}/{'count/read' if name in READ else 'render-count'}"]}

@@ -99,7 +99,8 @@ static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct
 
 static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d, vmask active,
                               vfloat near, vfloat far, vfloat best, vfloat room) {
-    int list[f->balls.level[0].count + 1], kept = 0;
+    // 64: see field_surface()
+    _Alignas(64) int list[f->balls.level[0].count + 1], kept = 0;
     struct beam b = beam_of(o, d, active, near, far);
     vfloat per_share = v_splat(1 / f->share);
     float q = v_reduce_max(v_select_or_zero(active, best * per_share));
@@ -132,7 +133,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     if (f->blend > 0 && kept <= MOST_SPHERES)
         return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best,
                                    v_splat(4.0f) * room);
-    struct step steps[f->program->length];
+    _Alignas(64) struct step steps[f->program->length];
     struct program part = part_of(f, list, kept, steps);
     return march_ratio(f, &part, o, d, active, begin, end, best, room);
 }

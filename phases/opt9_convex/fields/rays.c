@@ -35,9 +35,11 @@ vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
     return field_distance(primitive->field, p);
 }
 
+// Arrays of variable length are aligned as vectors: clang 14 takes the stack below them for aligned so, and passes vectors
+// there.
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
-    struct step room[field->program->length];
-    int list[field->balls.level[0].count + 1];
+    _Alignas(64) struct step room[field->program->length];
+    _Alignas(64) int list[field->balls.level[0].count + 1];
     struct program part = *field->program;
     if (field->balls.levels > 0) {
         struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
@@ -134,7 +136,7 @@ static vmask enter_segment(const struct field *f, int *list, int count, struct v
     }
     if (f->blend > 0 && count <= MOST_SPHERES)
         return march_spheres(f, list, count, o, d, active, begin, end, t);
-    struct step room[f->program->length];
+    _Alignas(64) struct step room[f->program->length];
     struct program part = part_of(f, list, count, room);
     return march_field(f, &part, o, d, active, begin, end, t);
 }
@@ -143,10 +145,10 @@ static vmask enter_segment(const struct field *f, int *list, int count, struct v
 // child has a part if its ball is in reach, made larger by f->wider.
 static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
                          vfloat near, vfloat far, vfloat *t) {
-    int list[f->balls.level[0].count + 1], kept[f->balls.level[0].count + 1];
+    _Alignas(64) int list[f->balls.level[0].count + 1], kept[f->balls.level[0].count + 1];
     struct beam b = beam_of(o, d, active, near, far);
     int listed = list_balls(f, &b, 0, f->wider, list), count = 0;
-    struct cone_span ball[listed + 1], reach[listed + 1];
+    _Alignas(64) struct cone_span ball[listed + 1], reach[listed + 1];
     for (int i = 0; i < listed; i++) {
         reach[count] = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
         list[count] = list[i];

@@ -8,6 +8,8 @@ from __future__ import annotations
 import functools
 import json
 import math
+import os
+import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,9 @@ import pytest
 from phase_pictures import needs
 from tile_pictures import EACH_WIDTH, WIDTHS, crowd, picture
 
+from builds import GROUPS_BY_CLANG
 from study.core import registry
+from study.core.registry import ROOT
 from study.pictures import images
 
 PHASES = ["opt9_convex", "opt10_scene", "opt11_ideal"]
@@ -195,3 +199,21 @@ def test_a_kernel_is_not_made_for_groups(tmp_path: Path) -> None:
     made = picture("opt10_scene", scene_of("csg", "hard"), tmp_path, SIZE)
     general = picture("opt9_convex", scene_of("csg", "hard"), tmp_path, SIZE)
     assert all(np.array_equal(made[name], general[name], equal_nan=True) for name in made)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", EACH_WIDTH)
+@pytest.mark.parametrize("name", ["csg", "metaballs", "bumpy"])
+def test_what_clang_makes_draws_them_too(name: str, width: str, tmp_path: Path) -> None:
+    """Its own rounding and order of sums: nearly gcc's picture, and no crash."""
+    phase, out = GROUPS_BY_CLANG, tmp_path / "clang.exr"
+    program = ROOT / "build/clang" / phase / "render"
+    subprocess.run(
+        ["make", "-s", "-C", ROOT, "CC=clang", "BUILD=build/clang", program.relative_to(ROOT)], check=True
+    )
+    scene = tmp_path / "groups.json"
+    scene.write_text(json.dumps(scene_of(name, "ideal")))
+    words = [program, scene, "-n", str(SIZE[1]), "-w", str(SIZE[0]), "-o", out]
+    subprocess.run(words, check=True, env=os.environ | {"STEPWISE_CC": "none", **WIDTHS[width]})
+    mine = picture(phase, json.loads(scene.read_text()), tmp_path, SIZE, **WIDTHS[width])
+    assert psnr(images.read(out), mine) >= 60
