@@ -130,6 +130,19 @@ static inline vdouble v_double_madd(vdouble a, double b, vdouble c) {
     return (vdouble){v_half_madd(a.low, each, c.low), v_half_madd(a.high, each, c.high)};
 }
 
+static inline vdouble v_double_plus(vdouble a, vdouble b) {
+    return (vdouble){a.low + b.low, a.high + b.high};
+}
+
+static inline vdouble v_double_minus(vdouble a, vdouble b) {
+    return (vdouble){a.low - b.low, a.high - b.high};
+}
+
+static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
+    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
+                     v_half_madd(direction.high, t.high, origin.high)};
+}
+
 static inline vdouble v_double_floor(vdouble a) {
     return (vdouble){v_half_floor(a.low), v_half_floor(a.high)};
 }

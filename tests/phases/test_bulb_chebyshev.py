@@ -1,6 +1,6 @@
 """The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration
-(bulb/*chebyshev*.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within its
-bounding sphere.
+(common/simd/bulb_pieces.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within
+its bounding sphere.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from phase_pictures import needs, picture
 from study.core import patches, registry
 from study.pictures import images
 
-PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
+PHASES = ("opt8_streams", "opt9_convex")
 TERMS = 6
 
 
 def source(phase: str) -> str:
     """The files of the polynomials as one text."""
-    tree = patches.files(phase)
-    return "".join(tree[name].read_text() for name in sorted(tree) if "chebyshev" in name)
+    own = [path for name, path in sorted(patches.files(phase).items()) if "chebyshev" in name]
+    return "".join(path.read_text() for path in [registry.ROOT / "common/simd/bulb_pieces.h", *own])
 
 
 def constant(text: str, name: str) -> float:

@@ -1,37 +1,8 @@
 // Distances of a Mandelbulb for a group of packets, packed: the rays that need one fill as few packets as they can.
-#include "core/packet_group.h"
 #include "core/sdf.h"
 #include "core/shape_distances.h"
 
-// Iterates all packets in turn. One iteration is a chain of a hundred cycles, too long for the processor to look beyond
-// it to the next packet's.
-static void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count,
-                          const struct primitive *primitive) {
-    for (int n = 0; n < primitive->iterations; n++) {
-        vmask inside = v_mask_none();
-        for (int i = 0; i < count; i++) {
-            bulb_iterate(&bulb[i], v_splat(primitive->bailout));
-            inside = v_or(inside, bulb[i].inside);
-        }
-        if (!v_any(inside))
-            return;
-    }
-}
-
-// Returns where the rays of packet k are, in the Mandelbulb's frame.
-static struct vec bulb_point(const struct packet_group *group, int k, int shape,
-                             const struct primitive *primitive) {
-    const struct local_ray *a = &group->packet[k].local[shape];
-    struct vec p = vec_along(a->origin, a->direction, group->t[k]);
-    return primitive->repeated ? vec_wrapped(primitive, p) : p;
-}
-
-// Merges a Mandelbulb's distance into what is found for packet k.
-static void store_bulb_distance(const struct packet_group *group, int k, vfloat distance,
-                                struct nearest_so_far *found) {
-    found->least[k] = v_min(distance, found->least[k]);
-    found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
-}
+#include "bulb/bulb_group.h"
 
 // Evaluates a Mandelbulb for the rays in `asking` only. The other rays have ended, or another shape is surely nearer.
 // An estimate costs ten times as much as the rest of a step. So the rays in `asking`, `rays` in number, are
@@ -83,20 +54,8 @@ void bulb_distances(struct packet_group *group, int shape, const struct primitiv
             v_and(group->live[k], v_cmp_nge(*wake_of(&group->packet[k], shape), found->limit[k]));
         rays += v_count(asking[k]);
     }
-    if (rays <= (group->count - 1) * LANES) {
+    if (rays <= (group->count - 1) * LANES)
         pack_bulb_points(group, shape, primitive, asking, rays, found);
-        return;
-    }
-    struct bulb_orbit bulb[GROUP];
-    for (int i = 0; i < group->count; i++) {
-        int k = group->marching[i];
-        bulb[i] = bulb_start(bulb_point(group, k, shape, primitive), group->live[k]);
-        if (!primitive->repeated)
-            *wake_of(&group->packet[k], shape) = bulb_wake_bound(bulb[i].m, group->t[k]);
-    }
-    bulbs_iterate(bulb, group->count, primitive);
-    for (int i = 0; i < group->count; i++) {
-        int k = group->marching[i];
-        store_bulb_distance(group, k, bulb_estimate(&bulb[i]), found);
-    }
+    else
+        whole_bulb_distances(group, shape, primitive, found);
 }

@@ -9,7 +9,7 @@ struct ray_queues; // core/ray_queues.h
 // A ray is close below CLOSE_ESTIMATE, until its estimate is above LEAVE_ESTIMATE at the end of its piece. The step
 // does not decide: over a plane it may be short far out, where chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
-enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4 }; // x, y, z and the derivative
+enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4, POLYNOMIALS = 4 }; // x, y, z and the derivative
 
 // The fields of a lane. Distances count from the middle of its piece.
 enum chebyshev_field {
@@ -17,14 +17,15 @@ enum chebyshev_field {
     N_PLACE = CLOSE_VALUES * CLOSE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
-    N_PIECE_END, // end of the piece, or of the ray
-    N_RAY_END,   // end of the ray
+    N_END, // end of the piece, or of the ray
+    N_TO,  // end of the ray
     N_HEIGHT,
     N_SLOPE,
     N_MIDDLE,
-    N_RAY, // its index in queues->single
-    N_EVALS,
-    N_FIELDS
+    N_RAY, // its index in queues->bulb
+    N_STEPS,
+    N_FIELDS,
+    N_STATE = N_FIELDS // no more of a step
 };
 
 struct chebyshev_lanes {
@@ -38,14 +39,9 @@ struct ray_pieces {
     int next, count;
 };
 
-static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
-    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
-                     v_half_madd(direction.high, t.high, origin.high)};
-}
-
-// Queues the rays of the lanes in m for their next pieces. t is the sum of two floats.
-void queue_close(vmask m, vfloat ray, vfloat t, vfloat t_lo, vfloat evals,
-                 struct ray_queues *queues);
+// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
+void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
+                 struct ray_queues *scratch);
 // Stores the result of a ray's march, for resume_march(). t counts from the point nearest to the centre. A ray that
 // marches on may have come below the plane by its last step, and so be behind the camera.
 void store_march_result(struct ray_queues *queues, int ray, double t, float evals, float found);

@@ -21,15 +21,14 @@ struct bulb_lanes {
     unsigned live; // a bit for each lane
 };
 
-static int refill_single(struct bulb_lanes *to, int next, int count,
-                         float (*from)[BULB_SINGLE_ROOM]) {
+static int refill_single(struct bulb_lanes *to, int next, int count, float (*from)[BULB_ROOM]) {
     unsigned ended = ~to->live & ((1u << LANES) - 1);
     int more = __builtin_popcount(ended) - (count - next);
     for (; more > 0; more--)
         ended &= ended - 1;
     if (!ended)
         return next;
-    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_SINGLE_ROOM);
+    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
     to->live |= ended;
     return next + __builtin_popcount(ended);
 }
@@ -49,9 +48,9 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
                                 vec_of_fields(from, B_DIRECTION),
                                 from->field[B_T],
-                                from->field[B_T_LO],
-                                from->field[B_END],
-                                from->field[B_EVALS],
+                                from->field[B_T_LOW],
+                                from->field[B_TO],
+                                from->field[B_STEPS],
                                 from->field[B_HEIGHT],
                                 from->field[B_SLOPE],
                                 v_mask_of_bits(~from->live),
@@ -79,8 +78,8 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
 static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat cap,
                           struct ray_queues *queues) {
     from->field[B_T] = p->t;
-    from->field[B_T_LO] = p->t_lo;
-    from->field[B_EVALS] = p->evals;
+    from->field[B_T_LOW] = p->t_lo;
+    from->field[B_STEPS] = p->evals;
     unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
@@ -122,8 +121,8 @@ __attribute__((always_inline)) static inline int step_single(const struct primit
 
 // Takes the first steps of rays, whole packets at a time, until a ray of a packet ends. These steps are alike and need
 // few iterations.
-static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM],
-                                int count, vfloat hit_distance, vfloat cap) {
+static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
+                                vfloat hit_distance, vfloat cap) {
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
         vfloat t[INTERLEAVED], t_lo[INTERLEAVED], evals[INTERLEAVED]; // before the last step
@@ -150,13 +149,13 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_SI
             if (from >= count)
                 break;
             v_store(t[k], &rays[B_T][from]);
-            v_store(t_lo[k], &rays[B_T_LO][from]);
-            v_store(evals[k], &rays[B_EVALS][from]);
+            v_store(t_lo[k], &rays[B_T_LOW][from]);
+            v_store(evals[k], &rays[B_STEPS][from]);
         }
     }
 }
 
-static void march_floats(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM], int count,
+static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                          vfloat hit_distance, vfloat cap, struct ray_queues *queues) {
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
@@ -192,8 +191,8 @@ void march_single_bulb(struct trace_context *world) {
     vfloat hit_distance = v_max(v_splat((float)model->march.hit_distance), v_splat(0x1p-24f));
     vfloat cap = v_splat((float)step_cap(model));
     queues->close_first = queues->close_count = queues->open_count = 0;
-    step_first_together(s, queues->single, queues->single_count, hit_distance, cap);
-    march_floats(s, queues->single, queues->single_count, hit_distance, cap, queues);
+    step_first_together(s, queues->bulb, queues->single_count, hit_distance, cap);
+    march_floats(s, queues->bulb, queues->single_count, hit_distance, cap, queues);
     struct chebyshev_lanes lanes[INTERLEAVED];
     struct ray_pieces pieces = {.next = 0, .count = 0};
     memset(lanes, 0, sizeof lanes);
@@ -220,7 +219,7 @@ static inline vfloat residual_of(vdouble a, vfloat near) {
     return v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)});
 }
 
-static void pack_wide(vmask m, vdouble a, float (*field)[BULB_SINGLE_ROOM], int more, int at) {
+static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int more, int at) {
     vfloat near = v_double_to_float(a);
     v_compress_store(m, near, field[0] + at);
     v_compress_store(m, residual_of(a, near), field[more] + at);
@@ -257,16 +256,16 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
     v_store(v_splat(-1.0f), &queues->marched[MARCH_FOUND][slot]);
     if (!v_any(near))
         return;
-    float (*field)[BULB_SINGLE_ROOM] = queues->single;
+    float (*field)[BULB_ROOM] = queues->bulb;
     int at = queues->single_count;
     const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
     for (int i = 0; i < 6; i++)
-        pack_wide(near, values[i], field + i, B_LO, at);
+        pack_wide(near, values[i], field + i, B_LOW, at);
     pack_wide(near, path, field + B_T, 1, at);
     pack_wide(near, back, field + B_BEFORE, 1, at);
     v_store(v_iota() + v_splat((float)at), field[B_RAY] + at);
-    v_store(zero, field[B_EVALS] + at);
-    v_compress_store(near, to, field[B_END] + at);
+    v_store(zero, field[B_STEPS] + at);
+    v_compress_store(near, to, field[B_TO] + at);
     v_compress_store(near, v_iota() + v_splat((float)slot), field[B_SLOT] + at);
     v_compress_store(near, v_madd(before, slope, height), field[B_HEIGHT] + at);
     v_compress_store(near, slope, field[B_SLOPE] + at);

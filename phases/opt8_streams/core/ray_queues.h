@@ -56,24 +56,24 @@ enum segment_field {
 enum bulb_single_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_T = 6, // t as two floats; the march ends at B_END
-    B_T_LO,
-    B_END,
+    B_T = 6, // t as two floats; the march ends at B_TO
+    B_T_LOW,
+    B_TO,
     B_HEIGHT, // above the plane
     B_SLOPE,
     B_RAY,   // its index in `single`
-    B_EVALS, // steps so far
+    B_STEPS, // steps so far
     B_LANE,
     B_BEFORE = B_LANE, // the path from the camera to t = 0, as two floats
     B_BEFORE_LO,
     B_SLOT, // its pixel
-    B_LO,   // low parts of origin and direction
-    B_FIELDS = B_LO + 6
+    B_LOW,  // low parts of origin and direction
+    B_FIELDS = B_LOW + 6
 };
 
 // Camera rays that are close to the Mandelbulb: see bulb/bulb_chebyshev.c.
-enum close_ray_field { C_RAY, C_T, C_T_LO, C_EVALS, C_FIELDS };
-enum { BULB_SINGLE_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
+enum close_ray_field { C_RAY, C_T, C_T_LOW, C_HAD, C_FIELDS };
+enum { BULB_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
 
 // A worker's queues and colours.
 struct ray_queues {
@@ -84,8 +84,7 @@ struct ray_queues {
         marched[MARCH_FIELDS][STRIP_PIXELS];               // camera rays of bulb/bulb_stream.c
     int camera_slot[STRIP_PIXELS / LANES], camera_packets; // the first pixel of each packet
     unsigned camera_active[STRIP_PIXELS / LANES];
-    float single[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
-        open[B_LANE][BULB_SINGLE_ROOM];
+    float bulb[B_FIELDS][BULB_ROOM], close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_ROOM];
     int single_count, close_first, close_count, open_count;
     float segment[SEGMENT_FIELDS][QUEUE_ROOM];
     unsigned under_way[QUEUE_ROOM / LANES]; // the rays of each packet that have not ended

@@ -1,7 +1,5 @@
 // Marches camera and mirror rays close to a Mandelbulb, where the last digits of a ray's steps decide where
 // it ends. The first iteration comes from polynomials along a piece of the ray (bulb/chebyshev_pieces.c).
-#include <string.h>
-
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 
@@ -9,26 +7,6 @@
 #define LEAVE_ESTIMATE 1e-2f
 
 enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves
-
-// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps
-// taken.
-KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
-                               struct worker_scratch *scratch) {
-    if (scratch->close_count + 2 * LANES >
-        CLOSE_ROOM) { // whole registers are read behind the last ray
-        int left = scratch->close_count - scratch->close_first;
-        for (int i = 0; i < C_FIELDS; i++)
-            memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
-                    (size_t)left * sizeof(float));
-        scratch->close_first = 0;
-        scratch->close_count = left;
-    }
-    v_compress_store(m, ray, &scratch->close[C_RAY][scratch->close_count]);
-    v_compress_store(m, t, &scratch->close[C_T][scratch->close_count]);
-    v_compress_store(m, rest, &scratch->close[C_T_LOW][scratch->close_count]);
-    v_compress_store(m, had, &scratch->close[C_HAD][scratch->close_count]);
-    scratch->close_count += v_count(m);
-}
 
 // Fills ended lanes with the next rays, if there are any. steps: the count of all steps so far.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, float steps,
@@ -44,8 +22,8 @@ static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from
         for (; more > 0; more--)
             now &= now - 1;
         v_expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
-        to->field[N_BORN] =
-            v_select(v_mask_of_bits(now), v_splat(steps) - to->field[N_BORN], to->field[N_BORN]);
+        to->field[N_STEPS] =
+            v_select(v_mask_of_bits(now), v_splat(steps) - to->field[N_STEPS], to->field[N_STEPS]);
         from->next += __builtin_popcount(now);
         to->live |= now;
         ended &= ~now;
@@ -81,7 +59,7 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
 // before this count have taken all their steps.
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
                                      vfloat hit_distance, vfloat oldest) {
-    vfloat born = field[N_BORN];
+    vfloat born = field[N_STEPS];
     born = v_select(p->done, born + v_splat(1.0f), born); // a lane that waits takes no step
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]);
     vmask live = v_not(p->done), reached;
@@ -92,7 +70,7 @@ static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_
     p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
     live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);
     p->done = v_not(v_cmp_nge_in(live, oldest, born));
-    field[N_BORN] = born;
+    field[N_STEPS] = born;
 }
 
 // One step of the first `count` packets. Returns how many of their lanes have ended.
@@ -146,7 +124,7 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
         scratch->open[i][to] = scratch->bulb[i][ray];
     scratch->open[B_T][to] = t;
     scratch->open[B_T_LOW][to] = rest;
-    scratch->open[B_BORN][to] = had;
+    scratch->open[B_STEPS][to] = had;
 }
 
 // Frees the lanes that have ended. Hits are stored; rays at the end of a piece are queued for the next one or
@@ -159,7 +137,7 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     if (!ended)
         return;
     float way[LANES], middle[LANES], rays[LANES], had[LANES];
-    vfloat taken = v_splat(steps) - from->field[N_BORN];
+    vfloat taken = v_splat(steps) - from->field[N_STEPS];
     v_store(p->t, way);
     v_store(from->field[N_MIDDLE], middle);
     v_store(from->field[N_RAY], rays);
@@ -242,7 +220,7 @@ KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limit
         if (*steps < STEPS_COUNTED)
             continue;
         for (int k = 0; k < INTERLEAVED; k++)
-            lanes[k].field[N_BORN] = lanes[k].field[N_BORN] - v_splat(*steps);
+            lanes[k].field[N_STEPS] = lanes[k].field[N_STEPS] - v_splat(*steps);
         *steps = 0.0f;
     }
 }

@@ -12,16 +12,17 @@ struct worker_scratch;
 // from the bulb, where chebyshev_orbit() is wrong because the first iteration has escaped.
 #define CLOSE_ESTIMATE 5e-3f
 
-// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is
+// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_STEPS is
 // shifted to match.
 #define STEPS_COUNTED 0x1p23f
 
-enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
+// x, y, z with CLOSE_TERMS each, and the derivative with SLOPE_TERMS.
+enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4, POLYNOMIALS = 3 };
 
 // The fields of a lane. Distances along the ray count from the middle of its piece.
 enum chebyshev_field {
     N_TERM, // coefficients of x, y and z: the constants, then the factors of t, of t² …
-    N_SLOPE_TERM = 3 * CLOSE_TERMS,
+    N_SLOPE_TERM = POLYNOMIALS * CLOSE_TERMS,
     N_PLACE = N_SLOPE_TERM + SLOPE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
@@ -30,8 +31,8 @@ enum chebyshev_field {
     N_HEIGHT,
     N_SLOPE,
     N_MIDDLE,
-    N_RAY, // its index in scratch->bulb
-    N_BORN,
+    N_RAY,   // its index in scratch->bulb
+    N_STEPS, // lane: the step count at its start
     N_STATE, // of close_step()
     N_FIELDS = N_STATE + STEP_FIELDS
 };
@@ -42,16 +43,11 @@ struct chebyshev_lanes {
     unsigned live;
 };
 
-// Rays that have their pieces and wait for lanes. N_BORN: the steps that each has taken.
+// Rays that have their pieces and wait for lanes. N_STEPS: those that each has taken.
 struct ray_pieces {
     float field[N_FIELDS][2 * LANES];
     int next, count;
 };
-
-static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
-    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
-                     v_half_madd(direction.high, t.high, origin.high)};
-}
 
 // Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps
 // taken.

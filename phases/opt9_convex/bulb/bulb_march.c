@@ -29,8 +29,8 @@ static int refill_bulb(struct bulb_lanes *to, int next, int count, float steps,
     if (!ended)
         return next;
     v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
-    to->field[B_BORN] =
-        v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_BORN], to->field[B_BORN]);
+    to->field[B_STEPS] =
+        v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_STEPS], to->field[B_STEPS]);
     to->live |= ended;
     return next + __builtin_popcount(ended);
 }
@@ -52,7 +52,7 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
                                 from->field[B_T],
                                 from->field[B_T_LOW],
                                 from->field[B_TO],
-                                from->field[B_BORN],
+                                from->field[B_STEPS],
                                 from->field[B_HEIGHT],
                                 from->field[B_SLOPE],
                                 v_mask_of_bits(~from->live),
@@ -91,7 +91,7 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     v_store(from->field[B_SLOT], slots);
     from->field[B_T] = p->t;
     from->field[B_T_LOW] = p->rest;
-    from->field[B_BORN] = p->born;
+    from->field[B_STEPS] = p->born;
     unsigned ended = v_mask_bits(p->done) & from->live;
     for (unsigned rest = ended & v_mask_bits(p->met); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), slot = (int)slots[lane];
@@ -104,7 +104,7 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     }
     vmask close = v_and(p->close, v_mask_of_bits(ended));
     if (v_any(close)) {
-        queue_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_BORN],
+        queue_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_STEPS],
                     scratch);
     }
     from->live &= ~ended;
@@ -164,7 +164,7 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
                 break;
             v_store(t[k], &rays[B_T][from]);
             v_store(rest[k], &rays[B_T_LOW][from]);
-            v_store(v_splat((float)steps), &rays[B_BORN][from]);
+            v_store(v_splat((float)steps), &rays[B_STEPS][from]);
         }
     }
 }
@@ -202,7 +202,7 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
         }
         if (!(steps < STEPS_COUNTED)) {
             for (int k = 0; k < INTERLEAVED; k++)
-                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - v_splat(steps);
+                lanes[k].field[B_STEPS] = lanes[k].field[B_STEPS] - v_splat(steps);
             steps = 0.0f;
         }
     } while (next < count || live);
@@ -282,7 +282,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     v_compress_store(near, t, field[B_T] + count);
     v_compress_store(near, rest, field[B_T_LOW] + count);
     v_store(v_iota() + v_splat((float)count), field[B_RAY] + count);
-    v_store(v_splat(0.0f), field[B_BORN] + count);
+    v_store(v_splat(0.0f), field[B_STEPS] + count);
     v_compress_store(near, to - before, field[B_TO] + count);
     v_compress_store(near, v_iota() + v_splat((float)slot), field[B_SLOT] + count);
     v_compress_store(near, before, field[B_BEFORE] + count);

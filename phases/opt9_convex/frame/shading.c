@@ -10,7 +10,6 @@
 
 // Returns the normals of a Mandelbulb: forward differences of its estimate.
 static struct vec bulb_normal(struct vec p, vmask found, const struct primitive *s, float step) {
-    vmask done = v_not(found);
     // Differences along the world's axes, as in every phase: columns of the shape's matrix.
     struct vec at[4] = {p};
     for (int k = 0; k < 3; k++)
@@ -20,7 +19,7 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
     struct scaled_orbit b[4];
     vfloat f[4];
     for (int k = 0; k < 4; k++)
-        b[k] = bulb_begin(at[k], done);
+        bulb_begin(&b[k], at[k], found);
     bulbs_end(s, 0, false, LANES < 16, true, 4, b, at,
               f); // 11 bits (8 lanes) are too few, 14 (16 lanes) suffice
     struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};

@@ -64,8 +64,8 @@ enum bulb_field {
     B_HEIGHT,
     B_SLOPE,
     B_SLOT,
-    B_RAY,  // its index in worker_scratch.bulb
-    B_BORN, // lane: the step count at its start; queued ray: steps taken
+    B_RAY,   // its index in worker_scratch.bulb
+    B_STEPS, // lane: the step count at its start; queued ray: steps taken
     B_LANE,
     B_LOW = B_LANE, // low parts of origin and direction
     B_FIELDS = B_LOW + 6
