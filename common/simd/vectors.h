@@ -2,9 +2,8 @@
 // because contraction is off (-ffp-contract=off). Part of simd.h.
 #pragma once
 
-struct vec {
-    vfloat x, y, z;
-};
+typedef vfloat vreal;
+#include "simd/vec.h"
 
 static inline struct vec vec_set(const float *a) {
     return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
@@ -18,60 +17,10 @@ static inline struct vec vec_sub(struct vec a, struct vec b) {
     return (struct vec){a.x - b.x, a.y - b.y, a.z - b.z};
 }
 
-static inline vfloat vec_dot(struct vec a, struct vec b) {
-    return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
-}
-
-static inline vfloat vec_norm(struct vec a) {
-    return v_sqrt(vec_dot(a, a));
-}
-
-static inline struct vec vec_scale(struct vec a, vfloat s) {
-    return (struct vec){a.x * s, a.y * s, a.z * s};
-}
-
-// The points at distance t along the rays.
-static inline struct vec vec_along(struct vec origin, struct vec direction, vfloat t) {
-    return (struct vec){v_madd(direction.x, t, origin.x), v_madd(direction.y, t, origin.y),
-                        v_madd(direction.z, t, origin.z)};
-}
-
-static inline struct vec vec_select(vmask m, struct vec yes, struct vec no) {
-    return (struct vec){v_select(m, yes.x, no.x), v_select(m, yes.y, no.y),
-                        v_select(m, yes.z, no.z)};
-}
-
-// d mirrored at the plane with unit normal n.
-static inline struct vec vec_reflect(struct vec d, struct vec n) {
-    return vec_along(d, n, v_splat(-2.0f) * vec_dot(d, n));
-}
-
 #if LANES > 4
-
-// Points as unevaluated sums of two floats.
-struct point {
-    struct vec hi, lo;
-};
 
 static inline struct point point_select(vmask m, struct point yes, struct point no) {
     return (struct point){vec_select(m, yes.hi, no.hi), vec_select(m, yes.lo, no.lo)};
-}
-
-// a + b and its rounding error: T. J. Dekker, "A floating-point technique for extending the available
-// precision", Numer. Math. 18 (1971); D. E. Knuth, TAOCP vol. 2, 4.2.2.
-static inline vfloat v_two_sum(vfloat a, vfloat b, vfloat *error) {
-    vfloat sum = a + b, b_part = sum - a;
-    *error = (a - (sum - b_part)) + (b - b_part);
-    return sum;
-}
-
-static inline vfloat point_along(vfloat hi, vfloat *lo, vfloat direction, vfloat t, vfloat dt) {
-    vfloat way = direction * t, way_error = v_msub(direction, t, way), sum_error;
-    vfloat sum = v_two_sum(hi, way, &sum_error);
-    vfloat rest = v_madd(direction, dt, way_error + (sum_error + *lo));
-    vfloat result = sum + rest;
-    *lo = rest - (result - sum);
-    return result;
 }
 
 // The point at distance t + dt along the ray, dt small beside t: exact to 2^-43 of the larger of the
@@ -143,6 +92,14 @@ static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble 
                      v_half_madd(direction.high, t.high, origin.high)};
 }
 
+static inline vdouble v_double_times(vdouble a, vdouble b) {
+    return (vdouble){a.low * b.low, a.high * b.high};
+}
+
+static inline vdouble v_double_product(struct vec_double a, struct vec_double b) {
+    return v_double_along(v_double_along(v_double_times(a.x, b.x), a.y, b.y), a.z, b.z);
+}
+
 static inline vdouble v_double_floor(vdouble a) {
     return (vdouble){v_half_floor(a.low), v_half_floor(a.high)};
 }
@@ -153,6 +110,11 @@ static inline vdouble v_double_dot(struct vec_double a, const double b[3]) {
 
 static inline vfloat v_double_to_float(vdouble a) {
     return v_from_halves(a.low, a.high);
+}
+
+// What is left of a beside the float `near`.
+static inline vfloat v_double_residual(vdouble a, vfloat near) {
+    return v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)});
 }
 
 #endif

@@ -1,7 +1,6 @@
 // Groups of shapes: simd/group_program.h with doubles.
 #include "trace.h"
 
-typedef vdouble vreal;
 #define vec_from_doubles vec_set
 #include "simd/group_program.h"
 

@@ -18,10 +18,6 @@ typedef struct {
     __m256d bits; // all bits of a lane set, or none
 } vmask;
 
-struct vec {
-    vdouble x, y, z;
-};
-
 static inline vdouble v_splat(double a) {
     return _mm256_set1_pd(a);
 }
@@ -129,36 +125,11 @@ static inline vdouble v_msub(vdouble a, vdouble b, vdouble c) {
     return _mm256_fmsub_pd(a, b, c);
 }
 
+typedef vdouble vreal;
+#include "simd/vec.h"
+
 static inline struct vec vec_set(const double *a) {
     return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
-}
-
-static inline vdouble vec_dot(struct vec a, struct vec b) {
-    return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
-}
-
-static inline vdouble vec_norm(struct vec a) {
-    return v_sqrt(vec_dot(a, a));
-}
-
-static inline struct vec vec_scale(struct vec a, vdouble s) {
-    return (struct vec){a.x * s, a.y * s, a.z * s};
-}
-
-// The points at distance t along the rays.
-static inline struct vec vec_along(struct vec origin, struct vec direction, vdouble t) {
-    return (struct vec){v_madd(direction.x, t, origin.x), v_madd(direction.y, t, origin.y),
-                        v_madd(direction.z, t, origin.z)};
-}
-
-static inline struct vec vec_select(vmask m, struct vec yes, struct vec no) {
-    return (struct vec){v_select(m, yes.x, no.x), v_select(m, yes.y, no.y),
-                        v_select(m, yes.z, no.z)};
-}
-
-// d reflected at the plane with unit normal n.
-static inline struct vec vec_reflect(struct vec d, struct vec n) {
-    return vec_along(d, n, v_splat(-2.0) * vec_dot(d, n));
 }
 
 // log, exp and sin: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary

@@ -9,7 +9,6 @@ static struct vec apply_transform(struct vec p, const struct primitive *s) {
     return s->repeated ? vec_wrapped(s, p) : p;
 }
 
-typedef vfloat vreal;
 #include "simd/group_program.h"
 
 static vfloat leaf_distance(struct vec point, const struct primitive *s) {

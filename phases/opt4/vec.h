@@ -18,10 +18,6 @@ typedef struct {
     __m256 bits; // all bits of a lane set, or none
 } vmask;
 
-struct vec {
-    vfloat x, y, z;
-};
-
 static inline vfloat v_splat(float a) {
     return _mm256_set1_ps(a);
 }
@@ -138,65 +134,17 @@ static inline vfloat v_msub(vfloat a, vfloat b, vfloat c) {
     return _mm256_fmsub_ps(a, b, c);
 }
 
+typedef vfloat vreal;
+#include "simd/vec.h"
+
 static inline struct vec vec_set(const float *a) {
     return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
 }
-
-static inline vfloat vec_dot(struct vec a, struct vec b) {
-    return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
-}
-
-static inline vfloat vec_norm(struct vec a) {
-    return v_sqrt(vec_dot(a, a));
-}
-
-static inline struct vec vec_scale(struct vec a, vfloat s) {
-    return (struct vec){a.x * s, a.y * s, a.z * s};
-}
-
-// The points at distance t along the rays.
-static inline struct vec vec_along(struct vec origin, struct vec direction, vfloat t) {
-    return (struct vec){v_madd(direction.x, t, origin.x), v_madd(direction.y, t, origin.y),
-                        v_madd(direction.z, t, origin.z)};
-}
-
-static inline struct vec vec_select(vmask m, struct vec yes, struct vec no) {
-    return (struct vec){v_select(m, yes.x, no.x), v_select(m, yes.y, no.y),
-                        v_select(m, yes.z, no.z)};
-}
-
-// d reflected at the plane with unit normal n.
-static inline struct vec vec_reflect(struct vec d, struct vec n) {
-    return vec_along(d, n, v_splat(-2.0f) * vec_dot(d, n));
-}
-
-// A point as the unevaluated sum of two floats, hi + lo: about 48 bits per coordinate.
-struct point {
-    struct vec hi, lo;
-};
 
 // a as a sum of two floats, to 2^-48 of a.
 static inline void split(double a, float *hi, float *lo) {
     *hi = (float)a;
     *lo = (float)(a - *hi);
-}
-
-// a + b and its rounding error, exactly: T. J. Dekker, "A floating-point technique for extending the
-// available precision", Numer. Math. 18 (1971); D. E. Knuth, TAOCP vol. 2, 4.2.2.
-static inline vfloat v_two_sum(vfloat a, vfloat b, vfloat *error) {
-    vfloat sum = a + b, b_part = sum - a;
-    *error = (a - (sum - b_part)) + (b - b_part);
-    return sum;
-}
-
-// One coordinate of place_at(). Every rounding error but the last is carried into lo.
-static inline vfloat point_along(vfloat hi, vfloat *lo, vfloat direction, vfloat t, vfloat dt) {
-    vfloat product = direction * t, product_error = v_msub(direction, t, product), sum_error;
-    vfloat sum = v_two_sum(hi, product, &sum_error);
-    vfloat tail = v_madd(direction, dt, product_error + (sum_error + *lo));
-    vfloat result = sum + tail;
-    *lo = tail - (result - sum);
-    return result;
 }
 
 // The point at distance t + dt along the ray. Requires dt below 2^-19 of t. The error is at most

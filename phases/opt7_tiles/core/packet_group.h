@@ -10,8 +10,8 @@ struct local_ray; // core/shape_distances.h
 struct packet_rays {
     struct local_ray *local; // one per shape
     struct shape_list list;  // shapes that its rays can meet: the same for all packets of a group
-    // One per shape, `apart` elements apart. A shape is not the nearest as long as its value exceeds t + the distance to
-    // the nearest shape.
+    // One per shape, `apart` elements apart (GROUP, where that is every group's size). A shape is not the nearest as
+    // long as its value exceeds t + the distance to the nearest shape.
     vfloat *wake;
     int apart;
     vfloat high;
@@ -25,7 +25,7 @@ struct packet_group {
     vfloat high[GROUP]; // that of its packet; −∞ where a ray is done, which wakes no shape
     vmask live[GROUP];
     int marching[GROUP], count; // the packets that have a live ray
-    int size;                   // number of packets: SMALL_GROUP or GROUP
+    int size;                   // number of packets where that varies: SMALL_GROUP or GROUP
 };
 
 // Returns the shapes that the packet's rays may meet: its list (in opt6_wide: all of the scene).
@@ -36,12 +36,12 @@ static inline const struct shape_list *shapes_of(const struct packet_rays *packe
 }
 
 static inline vfloat *wake_of(const struct packet_rays *packet, int shape) {
-    return &packet->wake[shape * packet->apart];
+    return &packet->wake[shape * (SMALL_GROUP < GROUP ? packet->apart : GROUP)];
 }
 
 // Returns the number of packets in the group.
 static inline int packets_in(const struct packet_group *group) {
-    return group->size;
+    return SMALL_GROUP < GROUP ? group->size : GROUP;
 }
 
 static inline void set_group_size(struct packet_group *group, int size) {

@@ -16,22 +16,7 @@
 
 enum { REFILL_BULB_SINGLE = LANES * LANES / 32 }; // ended lanes
 
-struct bulb_lanes {
-    vfloat field[B_LANE];
-    unsigned live; // a bit for each lane
-};
-
-static int refill_single(struct bulb_lanes *to, int next, int count, float (*from)[BULB_ROOM]) {
-    unsigned ended = ~to->live & ((1u << LANES) - 1);
-    int more = __builtin_popcount(ended) - (count - next);
-    for (; more > 0; more--)
-        ended &= ended - 1;
-    if (!ended)
-        return next;
-    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
-    to->live |= ended;
-    return next + __builtin_popcount(ended);
-}
+#include "simd/bulb_lanes.h"
 
 struct bulb_packet {
     struct vec origin, direction;
@@ -39,10 +24,6 @@ struct bulb_packet {
     vfloat height, slope;       // of the plane
     vmask done, reached, met, close;
 };
-
-static inline struct vec vec_of_fields(const struct bulb_lanes *from, int first) {
-    return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
-}
 
 static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
@@ -169,7 +150,7 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
         struct bulb_packet p[INTERLEAVED];
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            next = refill_single(&lanes[k], next, count, rays);
+            next = refill_bulb(&lanes[k], next, count, rays);
             p[k] = bulb_packet_of(&lanes[k]);
             ended += v_count(p[k].done);
         }
@@ -207,22 +188,10 @@ void march_single_bulb(struct trace_context *world) {
     queues->single_count = 0;
 }
 
-static inline vdouble v_double_times(vdouble a, vdouble b) {
-    return (vdouble){a.low * b.low, a.high * b.high};
-}
-
-static inline vdouble v_double_product(struct vec_double a, struct vec_double b) {
-    return v_double_along(v_double_along(v_double_times(a.x, b.x), a.y, b.y), a.z, b.z);
-}
-
-static inline vfloat residual_of(vdouble a, vfloat near) {
-    return v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)});
-}
-
 static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int more, int at) {
     vfloat near = v_double_to_float(a);
     v_compress_store(m, near, field[0] + at);
-    v_compress_store(m, residual_of(a, near), field[more] + at);
+    v_compress_store(m, v_double_residual(a, near), field[more] + at);
 }
 
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,

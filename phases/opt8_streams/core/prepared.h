@@ -36,4 +36,4 @@ static inline const struct primitive *single_shape(enum shape_type type,
 }
 
 // Packets of rays that march together: a group.
-enum { GROUP = 4 };
+enum { GROUP = 4, SMALL_GROUP = GROUP };

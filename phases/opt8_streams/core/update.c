@@ -2,31 +2,14 @@
 #include "core/prepare_bounds.h"
 #include "groups/program.h"
 #include "phase.h"
-
-// Returns the radius of a sphere around the shape's position that holds it. 1e-5 is for rounding.
-static double bounding_radius(const struct shape *shape) {
-    const double *half = shape->box.half_size;
-    switch (shape->type) {
-    case SHAPE_SPHERE: return shape->sphere.radius;
-    case SHAPE_BOX:
-        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
-    case SHAPE_ROUNDED_BOX:
-        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
-    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
-    case SHAPE_CONE:
-        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
-                     shape->cone.half_height) *
-               (1 + 1e-5);
-    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
-    case SHAPE_MANDELBULB: return BALL_RADIUS;
-    default: return INFINITY;
-    }
-}
+#include "scene/shadow_bounds.h"
 
 // Sets the members that shadow cones and shading need.
 static void prepare_solid(struct primitive *p, const struct shape *shape,
                           const struct model *model) {
-    double bound = bounding_radius(shape);
+    double bound = p->eval == EVAL_FIELD             ? INFINITY
+                   : shape->type == SHAPE_MANDELBULB ? BALL_RADIUS
+                                                     : bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
     p->convex = shape->type != SHAPE_TORUS && !is_fractal(shape->type);
@@ -38,18 +21,6 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->share = (float)(m->reflectivity * 0.1);
     p->shininess = (float)m->shininess;
     p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
-}
-
-// Returns the least slope q for soft shadows: a ray with h(t) ≥ q·t everywhere has no term of the estimator below 1,
-// whatever its steps (PROOFS.md, 1): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
-static float lit_slope_soft(double strength) {
-    double low = 0, high = 1;
-    for (int i = 0; i < 60; i++) {
-        double q = (low + high) / 2, r = (1 + q) / 2;
-        double away = q * sqrt(1 - r * r) / (1 - q * r);
-        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
-    }
-    return (float)(high * (1 + 1e-5));
 }
 
 // Returns the slope for hard shadows: a ray above it is nowhere within twice the hit distance of a surface.
@@ -111,7 +82,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->all_bounded = true;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = model->shadows == SHADOWS_HARD ? lit_slope_hard(&model->march)
-                                                         : lit_slope_soft(model->shadow_strength);
+                                                         : lit_slope(model->shadow_strength);
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->primitives[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march);

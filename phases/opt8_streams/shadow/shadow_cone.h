@@ -25,36 +25,8 @@ static inline struct vec to_centre(const struct primitive *s, struct vec p) {
     return vec_sub(vec_set(s->position), p);
 }
 
-// How flat a surface must be for a shadow's first two steps to depend on its normal and curvature only (error 0.05 %):
-// FLAT_OFFSETS times surface_offset. An edge may be nearer by EDGE_FACTOR: two steps are no longer than 1.4 offsets.
-#define FLAT_OFFSETS 32.0f
-#define EDGE_FACTOR 16.0f
-
-// Returns the smaller of the radius of curvature and EDGE_FACTOR times the distance to the next edge, at a point on
-// the surface.
-static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
-    switch (s->type) {
-    case SHAPE_SPHERE: return v_splat(s->a);
-    case SHAPE_BOX: { // the least of three is 0 on a face, the second is the distance to the next face
-        vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
-        vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
-        vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
-        return v_splat(EDGE_FACTOR) * v_max(v_min(x, y), v_min(v_max(x, y), z));
-    }
-    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // partly flat, partly round
-    case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
-        return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
-    case SHAPE_CONE: {
-        vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
-        vfloat below = v_max(v_abs(radius - v_splat(s->a)), v_abs(p.y + v_splat(s->c)));
-        vfloat above = v_max(v_abs(radius - v_splat(s->b)), v_abs(p.y - v_splat(s->c)));
-        vmask cap = v_cmp_lt(v_abs(v_abs(p.y) - v_splat(s->c)), v_splat(1e-5f * s->c));
-        return v_min(v_splat(EDGE_FACTOR) * v_min(below, above),
-                     v_select(cap, v_splat(INFINITY), radius));
-    }
-    default: return v_splat(s->b);
-    }
-}
+#define INLINE static inline
+#include "simd/flat_radius.h"
 
 // Whether a shape's own shadow is known where the ray starts on it. A convex solid (a torus: on its hull) lies below
 // its tangent plane, so its distance grows by at least `facing`. If that is too small, the first two steps of a march

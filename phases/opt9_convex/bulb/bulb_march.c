@@ -15,25 +15,7 @@
 // then.
 #define COARSE_HIT_DISTANCE 1e-4f
 
-struct bulb_lanes {
-    vfloat field[B_LANE];
-    unsigned live; // a bit for each lane
-};
-
-static int refill_bulb(struct bulb_lanes *to, int next, int count, float steps,
-                       float (*from)[BULB_ROOM]) {
-    unsigned ended = ~to->live & ((1u << LANES) - 1);
-    int more = __builtin_popcount(ended) - (count - next);
-    for (; more > 0; more--)
-        ended &= ended - 1;
-    if (!ended)
-        return next;
-    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
-    to->field[B_STEPS] =
-        v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_STEPS], to->field[B_STEPS]);
-    to->live |= ended;
-    return next + __builtin_popcount(ended);
-}
+#include "simd/bulb_lanes.h"
 
 struct bulb_packet {
     struct vec origin, direction;
@@ -41,10 +23,6 @@ struct bulb_packet {
     vfloat height, slope;     // of the plane
     vmask done, met, close;
 };
-
-static inline struct vec vec_of_fields(const struct bulb_lanes *from, int first) {
-    return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
-}
 
 static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
@@ -186,7 +164,11 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
         struct bulb_packet p[INTERLEAVED];
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            next = refill_bulb(&lanes[k], next, count, steps, rays);
+            vmask waits = v_mask_of_bits(~lanes[k].live);
+            next = refill_bulb(&lanes[k], next, count, rays);
+            vmask begins = v_and(waits, v_mask_of_bits(lanes[k].live));
+            vfloat had = lanes[k].field[B_STEPS];
+            lanes[k].field[B_STEPS] = v_select(begins, v_splat(steps) - had, had);
             p[k] = bulb_packet_of(&lanes[k]);
             ended += v_count(p[k].done);
         }
@@ -234,20 +216,10 @@ void march_bulb(const struct primitive *s, int count, const struct limits *limit
     scratch->close_count = scratch->close_first = 0;
 }
 
-static inline vdouble v_double_times(vdouble a, vdouble b) {
-    return (vdouble){a.low * b.low, a.high * b.high};
-}
-
-static inline vdouble v_double_product(struct vec_double a, struct vec_double b) {
-    return v_double_along(v_double_along(v_double_times(a.x, b.x), a.y, b.y), a.z, b.z);
-}
-
 static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
     vfloat near = v_double_to_float(a);
     v_compress_store(m, near, field[0] + at);
-    v_compress_store(
-        m, v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)}),
-        field[B_LOW] + at);
+    v_compress_store(m, v_double_residual(a, near), field[B_LOW] + at);
 }
 
 int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
@@ -277,7 +249,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     for (int i = 0; i < 6; i++)
         pack_wide(near, values[i], field + i, count);
     vfloat t = v_double_to_float(way);
-    vfloat rest = v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)});
+    vfloat rest = v_double_residual(way, t);
     start_at(&t, &rest, -half);
     v_compress_store(near, t, field[B_T] + count);
     v_compress_store(near, rest, field[B_T_LOW] + count);

@@ -39,7 +39,7 @@ struct known_scene {
     bool repeats;                       // some shape is repeated
     int plane;                          // index of the first linear plane, −1: none
     int bulbs;                          // number of Mandelbulbs
-    float lit_slope;                    // see lit_slope() in frame/primitives.c
+    float lit_slope;                    // see lit_slope() in scene/shadow_bounds.h
 };
 
 // How every ray of a frame is drawn. By default the scene decides (frame/render.c, frame/primitives.c);

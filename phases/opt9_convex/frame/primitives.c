@@ -9,31 +9,8 @@
 #include "frame/prepare.h"
 #include "groups/program.h"
 #include "hit/sharp.h"
+#include "scene/shadow_bounds.h"
 #include "types/ideal.h"
-
-// Returns the radius of the bounding sphere about the shape's position. The factor 1 + 1e-5 covers rounding;
-// a sphere's radius is exact.
-static double bounding_radius(const struct shape *shape) {
-    const double *half = shape->box.half_size;
-    switch ((int)shape->type) {
-    case SHAPE_SPHERE: return shape->sphere.radius;
-    case SHAPE_BOX:
-        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
-    case SHAPE_ROUNDED_BOX:
-        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
-    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
-    case SHAPE_CONE:
-        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
-                     shape->cone.half_height) *
-               (1 + 1e-5);
-    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
-    case SHAPE_MANDELBULB:
-        return 1.15; // beyond 2^(1/7) every point escapes; see bulb/bulb_estimate.h
-    case SHAPE_CAPSULE: return (shape->capsule.radius + shape->capsule.half_height) * (1 + 1e-5);
-    case SHAPE_GROUP: return shape->group.nodes[shape->group.root].radius * (1 + 1e-5);
-    default: return INFINITY;
-    }
-}
 
 // Sets the sizes and the bound of a group's solid, whose frame is set.
 static void prepare_leaf(struct primitive *p, const struct shape *shape,
@@ -117,18 +94,6 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     if (p->eval == EVAL_LINEAR)
         p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
-}
-
-// Returns the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps: by bisection of
-// strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 (PROOFS.md, 1.), whose terms rise with q.
-static float lit_slope(double strength) {
-    double low = 0, high = 1;
-    for (int i = 0; i < 60; i++) {
-        double q = (low + high) / 2, r = (1 + q) / 2;
-        double away = q * sqrt(1 - r * r) / (1 - q * r);
-        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
-    }
-    return (float)(high * (1 + 1e-5));
 }
 
 // Returns whether lists from a BVH are made sooner than by asking every shape. Where soft shadows are marched,
