@@ -413,7 +413,6 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
         ("model.march.bounds_radius", True),
         ("primitives[0].bound", True),
         ("model.march.max_steps", False),
-        ("primitives[0].bvh_rank", False),
     ],
 )
 def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: bool, tmp_path: Path) -> None:

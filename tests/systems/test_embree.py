@@ -82,7 +82,7 @@ def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
         [*words, "-Icommon", "-c", ROOT / "common/tools/embree.c", "-o", stub], check=True, cwd=ROOT
     )
     made = ROOT / "build"
-    objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
+    objects = [made / name for name in ("common/tools/hits.o", "packets/phase.o", "packets/variant.o")]
     for room in ("scene", "frame", "timing", "workers"):
         objects += [
             made / "common" / room / f"{path.stem}.o" for path in (ROOT / "common" / room).glob("*.c")
