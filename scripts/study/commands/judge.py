@@ -115,6 +115,12 @@ def of_source(lab: Lab, name: str, root: Path = registry.ROOT) -> Check:
     return Check("unchanged", mine != theirs, f"its sources differ from {lab.start}'s")
 
 
+def picture_at(name: str) -> Path:
+    folder = try_.FOLDER / "images"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{name}.exr"
+
+
 def of_views(spec: Spec, scene: Scene, height: int) -> Check:
     """Whether a frame has the bits of a fresh process's after frames of near and of far views."""
     camera = scene.data["camera"]
@@ -130,7 +136,7 @@ def of_views(spec: Spec, scene: Scene, height: int) -> Check:
     for title, file, words in (("near", scene.path, {}), ("far", flown, far)):
         pictures = []
         for before in (0, BEFORE):
-            out = try_.FOLDER / "images" / f"{spec}-{title}-{before}.exr"
+            out = picture_at(f"{spec}-{title}-{before}")
             run_driver(
                 spec, file, height, scene.size(height)[0], warmup=before, out=out, timed=False, **words
             )
@@ -189,7 +195,7 @@ def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
     build_together([(spec, "render") for spec in both], len(USABLE))
     shown = []
     for spec in both:
-        out = try_.FOLDER / "images" / f"{spec}-{scene.name}.exr"
+        out = picture_at(f"{spec}-{scene.name}")
         run_driver(spec, scene.path, *reversed(size), threads=lab.threads, out=out, timed=False)
         shown.append(images.rgb(images.read(out)).tobytes())
     made = [Check("picture", shown[0] == shown[1], f"every bit as {lab.start}'s")]
@@ -245,6 +251,9 @@ def of_answers(lab: Lab, path: Path | None, student: int) -> list[Check] | Outco
         words = f"--student {student} " * bool(student)
         lines.append(f'  make judge LAB={lab.number} ARGS="{words}--file {file}"')
         return Outcome({"lab": lab.number, "folder": folder}, lines)
+    named = re.fullmatch(rf"{lab.number}-student-(\d+)", path.resolve().parent.name)
+    if named and int(named[1]) != student:
+        raise StudyError(f"{path}: the task of student {named[1]}, not {student}: give --student {named[1]}")
     judged = answers.judged(asked, answers.read(path, asked))
     return [Check(one.name, not one.fails, one.said, one.fails) for one in judged]
 

@@ -98,5 +98,7 @@ def judged(asked: Sequence[Question], answers: dict[str, Answer]) -> list[Judged
             off = abs((answer.number or 0) - one.number)
             if answer.number is None or not off <= one.within * abs(one.number):
                 fails = one.hint or one.name
+                said = f"{one.name}: {'the word is right, ' if one.word else ''}the number is over "
+                said += f"{100 * one.within:g} % off"
         made.append(Judged(one.name, fails, said))
     return made

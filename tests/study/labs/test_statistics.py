@@ -136,6 +136,8 @@ def test_a_task_is_written_once(tmp_path, monkeypatch, capsys):
     assert emitted.told("judge", 13, "--student", 5) == 0 and "sound" in file.read_text()
     assert emitted.told("judge", 13, "--student", 5, "--file", file) == 1
     assert "the word" in capsys.readouterr().out
+    with pytest.raises(cli.StudyError, match="--student 5"):  # another student's task
+        emitted.told("judge", 13, "--file", file)
 
 
 def test_the_page_has_every_word():
