@@ -9,6 +9,7 @@ what stands at the asserts.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from flint import arb
 
@@ -18,9 +19,9 @@ FAR = 1000.0
 PHASE = "opt9_convex"  # opt10_scene derives from it
 
 
-def constant(file: str, pattern: str) -> arb:
-    """A number of the phase's source, exactly as written."""
-    return arb(re.search(pattern, registry.find_phase(PHASE).file(file).read_text())[1])
+def constant(file: Path, pattern: str) -> arb:
+    """A number of the source, exactly as written."""
+    return arb(re.search(pattern, file.read_text())[1])
 
 
 def between(low: arb, high: arb) -> arb:
@@ -55,8 +56,9 @@ def least_share(low: str, high: float, bound: arb, share: arb) -> float:
 
 
 def test_estimate_exceeds_the_share_of_the_distance_to_the_bounding_sphere() -> None:
-    share = constant("core/prepared.h", r"#define BULB_SHARE ([0-9.]+)f")
-    bound = constant("frame/primitives.c", r"case SHAPE_MANDELBULB:\s*return ([0-9.]+);")
+    share = constant(registry.find_phase(PHASE).file("core/prepared.h"), r"#define BULB_SHARE ([0-9.]+)f")
+    bounds = registry.ROOT / "common/scene/shadow_bounds.h"
+    bound = constant(bounds, r"case SHAPE_MANDELBULB:\s*return ([0-9.]+);")
     assert share > 0 and float(bound) == 1.15
     assert least_share("1.15", FAR, bound, share) > float(share)
     # From FAR on: r_1 ≥ r⁸·(1 − r⁻⁷), d_1 ≤ 12·r⁷·(1 + r⁻⁷): the estimate is r·ln(r)/3 but for 4·r⁻⁷ of it.
