@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from drawn import WHOLE
 from fixtures import blank, disc, miss, refused, write_exr  # noqa: F401  (fixtures of every suite)
@@ -27,6 +28,8 @@ os.environ.setdefault("STEPWISE_UNTIMED", "1")
 settings.register_profile("whole", max_examples=WHOLE, derandomize=True, deadline=None)
 settings.register_profile("quick", max_examples=WHOLE // 5, derandomize=True, deadline=None)
 settings.load_profile("whole")
+# It would draw numbers of the modules that are loaded, too, and which those are differs with the worker.
+providers._get_local_constants = providers.Constants
 
 # Folders whose tests share nothing. Elsewhere tests of a file share what the first of them made.
 ALONE = {Path(__file__).parent / name for name in ("arm64", "c", "conformance", "hard")}
