@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from study.commands import judge, try_
-from study.core import cli, patches, registry, show, store
+from study.core import cli, json_files, patches, registry, show, store
 from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
@@ -82,7 +82,7 @@ def placed(folder: Path) -> Iterator[dict[str, str]]:
                 raise StudyError(
                     f"{target} is there already: another leaderboard runs, or was killed; remove it"
                 )
-            about = judge.json_files.read_json(source / "phase.json")
+            about = json_files.read_json(source / "phase.json")
             made[name] = source.name
             shutil.copytree(source, target, ignore=shutil.ignore_patterns("ablations"))
             (target / "phase.json").write_text(json.dumps(about | {"name": name}), encoding="utf-8")
