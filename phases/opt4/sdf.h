@@ -343,9 +343,9 @@ distance_at(struct vec p, const struct primitive *primitive, vmask done) {
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
     case SHAPE_PLANE: return sdf_plane(p, primitive);
     case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
-    case SHAPE_MANDELBOX: return sdf_mandelbox(p, primitive);
-    case SHAPE_GROUP: return v_splat(INFINITY); // closest_group()
-    default: return sdf_mandelbulb(p, primitive, done);
+    default:
+        return primitive->type == SHAPE_MANDELBOX ? sdf_mandelbox(p, primitive)
+                                                  : sdf_mandelbulb(p, primitive, done);
     }
 }
 
@@ -379,6 +379,8 @@ __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *
     COUNT(sdf, call);
     vfloat closest = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
+        if (groups && scene->primitives[i].type == SHAPE_GROUP)
+            continue; // closest_group()
         COUNT(sdf, shape);
         vfloat distance = distance_to_shape(&rays[i], t, &scene->primitives[i], done);
         if (nearest) { // a constant after inlining

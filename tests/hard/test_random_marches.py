@@ -138,7 +138,7 @@ def lit(seed: int) -> dict:
         "background": [0.25, 0.5, 0.75],
         "fog": draw.choice([0, 0, 2.0**-20]),
         "march": {
-            # not between 256 and some thousands, where opt9_convex leaps over steps (its PROOFS.md, 5)
+            # not between 256 and some thousands, where opt9_convex leaps over steps (its PROOFS.md, 16)
             "max_steps": draw.choice([3000, 3000, 3000, 200]),
             # far below the offset: else where a march ends tells the shadow (its first step a hit or not)
             "hit_distance": draw.choice([1e-6, 3e-6]),

@@ -21,6 +21,7 @@ static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const un
                                 .facing = v_gather(field[S_FACING], at),
                                 .shape = v_gather(field[S_SHAPE], at),
                                 .end = v_splat(0.0f),
+                                .leap_limit = v_splat(INFINITY),
                                 .on_plane = v_mask_none(),
                                 .meets_one = v_mask_none(),
                                 .meets_many = v_mask_none(),

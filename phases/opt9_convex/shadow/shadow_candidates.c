@@ -15,6 +15,7 @@ KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shad
     vmask clear = v_or(self, plane_clears(height, slope, q, KNOWN(work->scene)));
     r->end = v_select(clear, r->end, v_splat(INFINITY));
     candidate->from = height / v_max(v_splat(1.0f) - slope, v_splat(1e-6f));
+    r->leap_limit = v_select(self, r->leap_limit, v_min(r->leap_limit, candidate->from));
     r->meets_many = v_or(r->meets_many, v_not(clear));
     if (v_any(v_andnot(clear, r->active))) {
         vfloat t = height / (v_splat(0.0f) - slope);
@@ -38,7 +39,7 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
     }
 }
 
-// Sets candidate->from of solid i, and updates end and first entry of the rays.
+// Sets candidate->from of solid i, and updates end, leap limit and first entry of the rays.
 INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
     float q = lit_slope_for(s, KNOWN(work->scene)->lit_slope);
@@ -72,6 +73,7 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
         from);
     from = v_zero_where(self, v_max(from, zero));
     candidate->from = from;
+    r->leap_limit = v_min(r->leap_limit, from);
     if (v_any(met) && s->type != SHAPE_MANDELBULB && !IS_GROUP(s))
         first_entry(s, i, r, met);
 }
@@ -93,7 +95,7 @@ INLINE void first_entry_in_cells(const struct primitive *s, int i, struct shadow
 // Repeated shapes: a copy may be the nearest anywhere and bring any term below 1.
 INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
-    candidate->from = v_splat(0.0f);
+    candidate->from = r->leap_limit = v_splat(0.0f);
     r->end = v_splat(INFINITY);
     first_entry_in_cells(s, i, r, &work->scene->model.march);
 }
@@ -140,6 +142,7 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     from =
         v_select(v_and(v_cmp_gt(b, zero), v_cmp_ge(discriminant, zero)), from, v_splat(INFINITY));
     candidate->from = v_max(from, zero);
+    r->leap_limit = v_min(r->leap_limit, candidate->from);
     if (!v_any(met))
         return;
     r->meets_many = v_or(r->meets_many, s->convex ? v_and(r->meets_one, met) : met);

@@ -29,8 +29,9 @@ struct shadow_rays {
     struct vec point, local, to_light; // local: the point in the frame of its shape
     vfloat facing, shape;              // facing: cosine between normal and to_light
     vfloat end;                        // no term beyond this t is below 1
-    vmask on_plane;                    // rays that start on a plane
-    bool from_planes;                  // all rays start on planes
+    vfloat leap_limit;    // rays from a plane: before this t nothing is nearer than the plane
+    vmask on_plane;       // rays that start on a plane
+    bool from_planes;     // all rays start on planes
     vfloat first, cosine; // t of the first entry into a solid, and its cosine; cosine 0: not usable
     vfloat sharp;         // see entry_cosine()
     vmask meets_one,
@@ -54,8 +55,8 @@ _Static_assert(offsetof(struct shadow_march, constant) ==
                    offsetof(struct shadow_march, t) + (MARCH_REALS - 1) * sizeof(vfloat),
                "MARCH_REALS vectors in a row");
 
-// With fewer max_steps no ray is dark without a march.
-enum { DARK_MIN_MAX_STEPS = 256 };
+// With fewer max_steps every step is taken: no leap, and no ray is dark without a march.
+enum { LEAP_MIN_MAX_STEPS = 256 };
 
 // Soft shadows (shadow/shadow_cull.c): returns the rays of `active` that need no march. No other shape brings
 // a term below 1, and the ray's own shape can do so in the first two terms only (self_shadow()). Tests
@@ -81,7 +82,7 @@ KERNEL_SHARED vmask reaches_light(struct vec point, struct vec local, struct vec
 KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
                                   const struct tile_context *work);
 
-// Sets the candidate of plane i, and updates end and first entry of the rays.
+// Sets the candidate of plane i, and updates end, leap limit and first entry of the rays.
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
                                    const struct tile_context *work,
                                    struct shadow_candidate *candidate);
@@ -95,7 +96,7 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
                                      const struct tile_context *work);
 
 // Sets the candidates of a packet, lists the shapes that can be the nearest before the rays' end, and finds
-// end and first entry of the rays.
+// end, leap limit and first entry of the rays.
 KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *candidates,
                                    struct shape_set *listed, const struct tile_context *work);
 

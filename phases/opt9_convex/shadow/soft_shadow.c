@@ -1,6 +1,7 @@
 // Marches of soft shadow rays, packet by packet: the improved soft shadow of I. Quilez, "soft shadows in
 // raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's GDC 2018 talk. Only shapes that
-// can be the nearest are evaluated (shadow/shadow_candidates.c).
+// can be the nearest are evaluated (shadow/shadow_candidates.c). Rays from a plane leap over their first
+// steps.
 #include "shadow/soft_shadow.h"
 #include "bvh/bvh_lists.h"
 #include "shadow/shadow_cone.h"
@@ -39,6 +40,51 @@ nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *l
     return least;
 }
 
+// Leaps over the first steps of rays from a plane. Until another shape is nearer, t grows by 1 + facing a
+// step, the first term is strength·facing, and all others are equal (PROOFS.md, 16.). A ray that leaves the
+// bounds is done and keeps the terms so far.
+#define STEEP_FACING 0.5f
+static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m,
+                                     const struct known_scene *scene, vfloat start, vfloat strength,
+                                     vfloat hit_distance) {
+    vfloat one = v_splat(1.0f), zero = v_splat(0.0f),
+           until = v_min(r->leap_limit, r->end) * v_splat(1.0f - 1e-5f);
+    vmask can = v_and(v_and(r->on_plane, r->active), v_cmp_ge(until, start));
+    // A march that is within the hit distance at its first step has no term at all.
+    can = v_and(can, v_cmp_ge(start * r->facing, hit_distance));
+    if (!v_any(can))
+        return;
+    // Leap no further than to the bounds: `until` may be infinite.
+    vfloat half = m->linear * v_splat(-0.5f);
+    until = v_min(until, half + v_sqrt(v_max(v_msub(half, half, m->constant), zero)));
+    can = v_and(can, v_cmp_ge(until, start));
+    vfloat c = r->facing, t = start;
+    if (!v_any(
+            v_and(can, v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING
+                                                                           : scene->lit_slope))))) {
+        // A high light: no term of these steps is below 1, and the steps are few.
+        vfloat before = start, grown = one + c;
+        for (vmask on = can; v_any(on); on = v_and(on, v_cmp_ge(until, t))) {
+            before = v_select(on, t, before);
+            t = v_select(on, t * grown, t);
+        }
+        m->previous = v_select(can, before * c, m->previous);
+    } else {
+        vfloat grow = v_log(one + c);
+        vfloat steps = v_floor(v_log(v_max(until, start) / start) / grow) + one;
+        vfloat first = strength * c, ratio = v_splat(0.5f) * (one + c);
+        t = start * v_exp(steps * grow);
+        vfloat inside = v_nmadd(ratio, ratio, one), beyond = v_nmadd(c, ratio, one);
+        vfloat others = first * first * inside / (beyond * beyond);
+        vfloat least = v_min(first * first, v_select(v_cmp_gt(steps, v_splat(1.5f)), others, one));
+        m->square = v_select(can, v_min(m->square, least), m->square);
+        m->previous = v_select(can, t * c / (one + c), m->previous);
+    }
+    m->t = v_select(can, t, start);
+    vmask left = v_cmp_gt(v_madd(m->t, m->t + m->linear, m->constant), zero);
+    m->done = v_or(m->done, v_and(can, left));
+}
+
 // Removes from *dark the rays that meet a Mandelbulb's bounding sphere. Such a march may end inside it, so
 // shapes further on say nothing.
 INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene,
@@ -68,7 +114,7 @@ __attribute__((__always_inline__)) static inline vmask dark_by_proof(const struc
     vmask dark = v_and(v_and(v_and(r->active, there), v_cmp_gt(room, v_splat((float)least_room))),
                        v_cmp_lt(r->first, r->end));
     float least_cosine =
-        march->max_steps < DARK_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
+        march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark = v_and(
         dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
     if (KNOWN(scene)->bulbs) {
@@ -106,6 +152,9 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     m->done = v_or(dark, v_not(r->active));
     m->square = v_zero_where(dark, v_splat(1.0f));
     m->t = offset;
+    if (!HAS_BVH(work->scene) && march->max_steps >= LEAP_MIN_MAX_STEPS)
+        leap_to_candidate(r, m, KNOWN(work->scene), offset, v_splat((float)model->shadow_strength),
+                          hit);
     m->sole_solid = v_mask_none();
     if (r->from_planes && !KNOWN(work->scene)->bulbs &&
         !KNOWN(work->scene)->repeats) { // a copy may come nearer later

@@ -79,6 +79,7 @@ static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int 
     r->facing = v_load(&field[S_FACING][first]);
     r->shape = v_load(&field[S_SHAPE][first]);
     r->end = v_splat(0.0f);
+    r->leap_limit = v_splat(INFINITY);
     r->on_plane = r->meets_one = r->meets_many = v_mask_none();
     r->first = v_splat(INFINITY);
     r->cosine = v_splat(1.0f);

@@ -25,7 +25,7 @@ from study.experiments.experiment import DEPTHS, Call, Experiment, Study
 from study.numbers import analysis, ladder, stats
 
 PAGE = ROOT / "report" / "out" / "index.html"
-PAGE_SECONDS = 240  # a page takes some twenty seconds: one that is younger is left as it is
+PAGE_SECONDS = 360  # a page takes some twenty seconds: one with the sweep that is younger is left as it is
 SWEEP_SECONDS = {"quick": 150, "standard": 240}  # of a sweep whose pictures are as large as fits
 SLACK = 1.5  # of a quick sweep that other work slows down: without six launches there is no interval
 LAUNCHES = {"quick": 6, "standard": 10}
@@ -74,8 +74,8 @@ def newest(args: argparse.Namespace) -> tuple[Path | None, int]:
 
 
 def heights(height: int, depth: str) -> list[int]:
-    """What is timed beside the headline: a quick study's series of heights is the scaling chapter's alone."""
-    return [height // 2, height] if depth == "quick" else [height // 4, height // 2, height]
+    """What is timed with the headline: a quick study's series of heights is the scaling chapter's alone."""
+    return [height] if depth == "quick" else [height // 4, height // 2, height]
 
 
 def choose_height(scenes: Sequence[str], seconds: float, launches: int, depth: str) -> int:
@@ -116,6 +116,7 @@ def sweep(args: argparse.Namespace) -> tuple[Outcome, int]:
         height = choose_height(args.scene, args.budget, launches, args.depth)
         sizes = heights(height, args.depth)
         more += ["--budget", str(args.budget * (SLACK if args.depth == "quick" else 1))]
+        more += ["--no-second-base"] if args.depth == "quick" else []
     return swept(args.scene, sizes, launches, *more), height
 
 
@@ -260,7 +261,7 @@ def run(args: argparse.Namespace) -> Outcome:
         quick = args.depth == "quick" and not args.part
         cuts.note(folder, "sweep", timing.cut if quick else "", [*chapter.remarks, *made.remarks])
     study = Study(folder, args.scene, height, args.depth, bool(args.part))
-    drawn = -math.inf if args.part else begin  # the first look is a page
+    drawn = -math.inf  # without the sweep
     for number, one in enumerate(parts):
         if time.monotonic() - drawn >= PAGE_SECONDS:
             report(folder, [other.what for other in parts[number:]])

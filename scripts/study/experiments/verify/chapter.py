@@ -20,8 +20,9 @@ def verification(data: Data) -> Section:
         rows = ladder.rows(data)
         if pairs:
             within = [pair for pair in pairs if pair.within_tolerance]
-            alone = len(pairs) - len(within) - len(failing)
-            answer = f"{len(within)} of {len(pairs)} pictures are within their tolerance to baseline's"
+            held = len(within) + len(failing)
+            alone = len(pairs) - held
+            answer = f"{len(within)} of {held} pictures are within their tolerance to baseline's"
             answer += f"; {len(failing)} are outside" if failing else ""
             answer += f"; {alone} are judged by ground truth alone (next chapter)" if alone else ""
             answer += "."

@@ -100,6 +100,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "e.g. opt4, or opt2@opt4; default: all. The row of its parent stands beside, not judged"
     add("--phase", nargs="+", metavar="PHASE", help=about)
     add("--scene", nargs="+", metavar="SCENE", help="default: all")
+    about = "of phases that ground truth judges; default: those of --scene"
+    add("--left-scene", nargs="+", metavar="SCENE", help=about)
     add("-n", type=cli.at_least(1), default=720, metavar="HEIGHT", help="height in pixels; default: 720")
     add(
         "-w", type=cli.at_least(1), metavar="WIDTH", help="width in pixels; default: 16:9, two_spheres square"
@@ -135,11 +137,17 @@ def measure(args: argparse.Namespace) -> Outcome:
         width, height = scene.size(args.antialias_n)
         large = (width * FACTOR, height * FACTOR) if scene.fractal else None
         sizes[scene.name] = scene.size(args.n, args.w), large
-    tasks = [(who, scene, size) for scene in scenes for who in using for size in sizes[scene.name] if size]
+    few = args.left_scene or sizes
+    drawn = [
+        (who, scene)
+        for scene, who in product(scenes, using)
+        if scene.name in few or not gate.left_to_truth(registry.find_phase(who.phase))
+    ]
+    tasks = [(who, scene, size) for who, scene in drawn for size in sizes[scene.name] if size]
     refused = gallery.render_all(tasks, args.jobs)
 
     pairs: list[Pair] = []
-    for scene, spec in progress.each(list(product(scenes, able)), "compare"):
+    for spec, scene in progress.each([pair for pair in drawn if pair[0] in able], "compare"):
         error = refused.get((reference, scene.name)) or refused.get((spec, scene.name))
         if error is None:
             pairs.append(
