@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view web try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view web artifact try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -64,6 +64,9 @@ report: setup ## the page, tables and figures of the newest run again, from its 
 
 report-pdf: setup ## the newest run as a paper of some eight pages (report/out/report.pdf); installs typst into build/pdf
 	@$(PY) scripts/stepwise report-pdf $(ARGS)
+
+artifact: setup ## build/stepwise-artifact.zip: the last commit for its evaluation, with a SHA-256 of each file (docs/artifact.md)
+	@$(PY) scripts/stepwise artifact $(ARGS)
 
 try: setup ## NAME=mine SCENE=scene0: a phase beside its parent, speed and error and what changed; WATCH=1: again at every save
 	@$(PY) scripts/stepwise try $(or $(NAME),$(PHASE),$(error NAME= is missing))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(WATCH), --watch) $(ARGS)

@@ -202,18 +202,12 @@ function duration(ms) {
 }
 
 function tell(show, says) {
-  const texts = sides.map(
-    (side) =>
-      side.error ||
-      (side.shown && side.times.length
-        ? `${side.name}: ${side.shown.width} × ${side.shown.height} in ${duration(median(side.times))}`
-        : ""),
-  );
-  $("left").textContent = show === "phase" ? "" : texts[0];
-  $("right").textContent = texts[1];
+  $("left").textContent = show === "split" ? sides[0].name : "";
+  $("right").textContent = show === "difference" ? `${sides[0].name} − ${sides[1].name}` : sides[1].name;
   for (const [i, id] of ["reference", "phase"].entries()) {
     const side = sides[i],
       known = side.shown && side.times.length;
+    $(`${id}-idea`).textContent = about.find(({ name }) => name === side.name)?.title ?? "";
     $(`${id}-ms`).textContent = known ? duration(median(side.times)) : "–";
     $(`${id}-says`).textContent =
       `${side.name}${known ? `, a frame of ${side.shown.width} × ${side.shown.height}` : ""}`;
@@ -429,8 +423,8 @@ function resize() {
 
 // --- Start
 
-function fill(select, entries, value) {
-  select.append(...entries.map(([name, title]) => new Option(title, name)));
+function fill(select, names, value) {
+  select.append(...names.map((name) => new Option(name)));
   select.value = value;
 }
 
@@ -460,16 +454,12 @@ function listen() {
 async function begin() {
   scenes = JSON.parse(new TextDecoder().decode(await unpack("scenes")));
   const wanted = new URLSearchParams(location.hash.slice(1)); // #scene=…&phase=…&reference=…
-  const titles = about.map(({ name, title }) => [name, `${name}: ${title}`]);
   sides[0].name = wanted.get("reference") ?? sides[0].name;
   sides[1].name = wanted.get("phase") ?? sides[1].name;
-  fill(
-    $("scene"),
-    Object.keys(scenes).map((name) => [name, name]),
-    "scene0",
-  );
-  fill($("reference"), titles, sides[0].name);
-  fill($("phase"), titles, sides[1].name);
+  const phases = about.map(({ name }) => name);
+  fill($("scene"), Object.keys(scenes), "scene0");
+  fill($("reference"), phases, sides[0].name);
+  fill($("phase"), phases, sides[1].name);
   await start(await module("baseline"));
   resize();
   listen();

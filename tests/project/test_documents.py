@@ -38,7 +38,7 @@ def test_what_a_document_points_at_is_there(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["limit", "machines"])
+@pytest.mark.parametrize("option", ["artifact", "limit", "machines"])
 def test_a_block_is_what_its_published_runs_say(option: str) -> None:
     page, _ = tables.PAGES[option]
     text = page.read_text()

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import copied
 import pytest
 
 from study.core.registry import ROOT
@@ -15,7 +16,6 @@ pytestmark = pytest.mark.slow
 
 TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(sh|diff)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
 # Behind a command of the text: less of the same work.
 SMALLER = {
     "demo": "ARGS='--budget 2'",
@@ -27,12 +27,7 @@ SMALLER = {
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The project without what was built but ground truth, with this one's packages."""
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in names.stdout.splitlines():
-        if not name.startswith(LEFT_OUT):
-            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, tmp_path / name)
-    (tmp_path / ".venv").symlink_to(ROOT / ".venv")
+    copied.sources(tmp_path)
     for name in ("common", "truth"):
         if (ROOT / "build" / name).is_dir():
             shutil.copytree(ROOT / "build" / name, tmp_path / "build" / name)

@@ -217,7 +217,7 @@ def came_out(run: Path, one: Experiment) -> str:
         answer = one.sections[0][1](analysis.load(run)).answer
     except StudyError as error:
         return str(error)
-    return re.split(r"[.;:] ", f"{answer} ")[0].rstrip(" .")
+    return re.split(r"[.;] ", f"{answer} ")[0].rstrip(" .")
 
 
 def first_look(scene: str, specs: Sequence[Spec], left: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from study.experiments.section import Section
 from study.numbers import accuracy, analysis, ladder
 from study.numbers import columns as ladder_columns
 from study.numbers.analysis import Data
-from study.report import chapters, front_page
+from study.report import appendix, chapters, front_page
 
 REFERENCE = ROOT / "results" / "reference"
 PAGES = {  # option → the page with a block that is made anew, and the block's name in its marks
@@ -24,6 +24,7 @@ PAGES = {  # option → the page with a block that is made anew, and the block's
     "systems": (REFERENCE / "systems.md", "systems"),
     "machines": (REFERENCE / "machines.md", "machines"),
     "limit": (ROOT / "docs" / "limit.md", "limit"),
+    "artifact": (ROOT / "docs" / "artifact.md", "claims"),
 }
 
 
@@ -76,6 +77,10 @@ def exact_surfaces() -> pd.DataFrame | None:
     return max(made, key=lambda one: one[0], default=(None, None))[1]
 
 
+def all_sections(data: Data, rows: pd.DataFrame) -> list[Section]:
+    return [chapters.reproduced(data, rows), *experiment.sections(data)]
+
+
 def rewritten(option: str, data: Data, rows: pd.DataFrame) -> str:
     """The text of the option's page with its block made anew. Raises StudyError without marks."""
     page, name = PAGES[option]
@@ -84,6 +89,7 @@ def rewritten(option: str, data: Data, rows: pd.DataFrame) -> str:
         "systems": lambda: systems_block(data),
         "machines": machines_block,
         "limit": lambda: front_page.limit_block(data, rows),
+        "artifact": lambda: appendix.block(data, all_sections(data, rows)),
     }
     marks = (f"<!-- {name}:{end} -->" for end in ("begin", "end"))
     return between(page.read_text(encoding="utf-8"), *marks, make[option]())
@@ -107,7 +113,7 @@ def run(args: argparse.Namespace) -> Outcome:
     files -= run_schema.SCHEMAS.keys()
     if rows.empty and not any(store.stored(data.path / file).exists() for file in files):
         raise StudyError(f"{data.path}: nothing was measured: no timed frame and no experiment's file")
-    made = make(rows, [chapters.reproduced(data, rows), *experiment.sections(data)])
+    made = make(rows, all_sections(data, rows))
     paths = table_files.write(made, args.out or data.path / "tables")
     for option, (page, _) in PAGES.items():
         if getattr(args, option):

@@ -1,7 +1,8 @@
 """The commands of scripts/stepwise, found by their files.
 
-They are study/experiments/NAME/command.py and study/commands/NAME.py; a name that Python has taken ends in
-an underscore there. A command is a module as `Body` says; the first sentence of its text says what it does.
+They are study/experiments/NAME/command.py and, there or in a folder, study/commands/NAME.py; a name that
+Python has taken ends in an underscore. A command is a module as `Body` says; the first sentence of its text
+says what it does.
 """
 
 import argparse
@@ -105,8 +106,9 @@ def parser_of(command: Command) -> argparse.ArgumentParser:
 
 def find_all() -> dict[str, Command]:
     experiments = sorted((STUDY / "experiments").glob("*/command.py"))
-    others = sorted(path for path in (STUDY / "commands").glob("*.py") if path.stem != "__init__")
+    others = sorted((STUDY / "commands").rglob("*.py"), key=lambda path: path.stem)
     found = [Command(path.parent.name.replace("_", "-"), path, True) for path in experiments]
+    others = [path for path in others if path.stem != "__init__"]
     found += [Command(path.stem.rstrip("_").replace("_", "-"), path, False) for path in others]
     return {command.name: command for command in found}
 

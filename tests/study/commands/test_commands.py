@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from study.commands import docs
+from study.commands.upkeep import docs
 from study.core import cli, commands
 from study.core.registry import ROOT, animated
 from study.experiments import experiment

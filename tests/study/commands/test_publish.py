@@ -15,7 +15,7 @@ import complete
 import numpy as np
 import pytest
 
-from study.commands import publish as publishing
+from study.commands.upkeep import publish as publishing
 from study.core import store
 from study.core.cli import StudyError
 from study.core.registry import ROOT

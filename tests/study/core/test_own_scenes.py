@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from study.commands import publish
+from study.commands.upkeep import publish
 from study.core import commands, registry, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from study.commands import publish, report
+from study.commands import report
+from study.commands.upkeep import publish
 from study.core.registry import ROOT
 from study.numbers import analysis
 from study.pictures import draw, images

@@ -14,7 +14,7 @@ ARCHIVED = ".git_archival.txt"  # git archive puts the commit into it (.gitattri
 _OF_A_HOOK = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")  # they would name another repository
 
 
-def _git(*arguments: str) -> tuple[str | None, str]:
+def _bytes(*arguments: str) -> tuple[bytes | None, str]:
     """Standard output, or None and git's words."""
     environment = {k: v for k, v in os.environ.items() if k not in _OF_A_HOOK} | {"LC_ALL": "C"}
     command = ("git", "-C", str(ROOT), *arguments)
@@ -25,7 +25,13 @@ def _git(*arguments: str) -> tuple[str | None, str]:
     except (OSError, subprocess.TimeoutExpired):
         return None, "git does not answer"
     said = done.stderr.decode(errors="replace").strip().splitlines() or ["git fails"]
-    return (done.stdout.decode(errors="replace").strip() if done.returncode == 0 else None), said[0]
+    return (done.stdout if done.returncode == 0 else None), said[0]
+
+
+def _git(*arguments: str) -> tuple[str | None, str]:
+    """The same as text."""
+    found, said = _bytes(*arguments)
+    return None if found is None else found.decode(errors="replace").strip(), said
 
 
 def _unknown() -> str | None:
@@ -44,6 +50,11 @@ def _archived() -> str | None:
     """The commit that `git archive` wrote into a tarball."""
     text = read_text(ROOT / ARCHIVED)
     return text if re.fullmatch("[0-9a-f]{40}", text) else None
+
+
+def archive() -> tuple[bytes | None, str]:
+    """The last commit as a tar file, or None and git's words."""
+    return _bytes("archive", "--format=tar", "HEAD")
 
 
 def state() -> Git:

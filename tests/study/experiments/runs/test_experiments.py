@@ -11,6 +11,7 @@ import tomllib
 from pathlib import Path
 
 import complete
+import copied
 import pytest
 
 from study.core import store
@@ -92,19 +93,12 @@ def test_no_experiment_writes_over_an_earlier_result_of_its_default_folder() -> 
 
 PAGE = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```python\n# (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project with the experiment of docs/experiment.md, and a run to add it to."""
-    folder = tmp_path_factory.mktemp("project")
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in names.stdout.splitlines():
-        if not name.startswith(LEFT_OUT) and (ROOT / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, folder / name)
-    (folder / ".venv").symlink_to(ROOT / ".venv")
+    folder = copied.sources(tmp_path_factory.mktemp("project"))
     for path, text in BLOCK.findall(PAGE):
         (folder / path).parent.mkdir(exist_ok=True)
         (folder / path).write_text(text.lstrip("\n"), encoding="utf-8")

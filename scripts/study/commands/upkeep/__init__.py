@@ -1,0 +1,1 @@
+"""Commands for who keeps the project: pages and lessons made anew, runs published, the artifact."""
