@@ -224,7 +224,8 @@ function tell(show, says) {
   const wait = (side) => {
     if (!side.shown) return `${side.name} draws its first picture.`;
     const { rows, aspect } = side.request;
-    return `${side.name} draws ${Math.round(rows * aspect)} × ${rows} pixels: some ${duration(perPixel(side) * rows * rows * aspect)}.`;
+    const lasts = duration(perPixel(side) * rows * rows * aspect);
+    return `${side.name} draws this view at ${Math.round(rows * aspect)} × ${rows} pixels: about ${lasts}.`;
   };
   $("status").textContent = [
     says,

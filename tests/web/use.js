@@ -40,6 +40,13 @@ async function use() {
   await until(drawn);
   said.overflow = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   said.figures = $("figures").textContent;
+  said.cut = [...document.querySelectorAll("select")].flatMap((select) => {
+    const style = getComputedStyle(select),
+      pen = document.createElement("canvas").getContext("2d"),
+      room = select.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight) - 24; // the arrow
+    pen.font = style.font;
+    return [...select.options].map(({ text }) => text).filter((text) => pen.measureText(text).width > room);
+  });
   const views = (said.views = { start: where() });
   for (const [kind, x] of [
     ["pointerdown", 0.5],
