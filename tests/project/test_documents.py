@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from study.commands import tables
+from study.experiments.stability import cases
 from study.numbers import analysis, ladder
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +36,11 @@ POINTING = [path for path in DOCUMENTS if points(path.read_text())]
 @pytest.mark.parametrize("path", POINTING, ids=lambda path: str(path.relative_to(ROOT)))
 def test_what_a_document_points_at_is_there(path: Path) -> None:
     assert not lost(path.read_text(), path.parent)
+
+
+def test_the_readme_counts_the_hard_cases() -> None:
+    said = re.findall(r"(\d+) hard cases", (ROOT / "README.md").read_text())
+    assert said == [str(len(cases.cases()))]
 
 
 @pytest.mark.slow

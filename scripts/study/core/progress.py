@@ -15,7 +15,7 @@ from study.core import cli
 from study.core.host.child import overdue, seconds
 
 T = TypeVar("T")
-PAUSE = 10  # s between two lines
+PAUSE = 10  # s until the first line; until each next one as long as the work has taken
 LOOK = 0.2  # s between two looks at a child's work
 BAR = "{desc}: {percentage:3.0f}% |{bar:30}| {elapsed} < {remaining}  {postfix}"
 
@@ -27,12 +27,12 @@ def duration(seconds: float) -> str:
 
 class Progress(contextlib.AbstractContextManager["Progress"]):
     """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
-    Lines come every PAUSE seconds, so that work of a few seconds says nothing."""
+    Lines come after PAUSE seconds and whenever that has doubled: of ten minutes six, of seconds none."""
 
     def __init__(self, about: str, total: float | None, share: bool = False) -> None:
         self.about, self.total, self.share = about, total, share
         self.done: float = 0
-        self.begun = self.said = time.monotonic()
+        self.begun, self.next = time.monotonic(), float(PAUSE)
         form = {"bar_format": BAR} if share else {}
         self.bar: Any = None
         if sys.stderr.isatty():
@@ -65,9 +65,10 @@ class Progress(contextlib.AbstractContextManager["Progress"]):
             if doing:
                 self.bar.set_postfix_str(doing, refresh=False)
             self.bar.update(step)
-        elif time.monotonic() - self.said >= PAUSE and not cli.listeners:
-            self.said = time.monotonic()
-            cli.say(self.text() + (f"; {doing}" if doing else ""))
+        elif (spent := time.monotonic() - self.begun) >= self.next and not cli.listeners:
+            self.next = 2 * spent
+            if not self.share or done != self.total:
+                cli.say(self.text() + (f"; {doing}" if doing else ""))
 
 
 def each(items: Iterable[T], about: str, total: int | None = None) -> Iterator[T]:

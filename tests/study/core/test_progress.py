@@ -1,4 +1,4 @@
-"""Progress: lines every ten seconds without a terminal, a bar with the time left on one."""
+"""Progress: lines ever less often without a terminal, a bar with the time left on one."""
 
 import subprocess
 
@@ -15,7 +15,7 @@ def clock(monkeypatch):
     return now
 
 
-def test_lines_come_every_ten_seconds_with_what_is_left(clock, capsys):
+def test_lines_come_with_what_is_left(clock, capsys):
     seen = []
     for item in progress.each("abcdefgh", "render"):
         seen.append(item)
@@ -26,6 +26,12 @@ def test_lines_come_every_ten_seconds_with_what_is_left(clock, capsys):
         "",
         ["render: 4 of 8, after 12 s, 12 s left", "render: 8 of 8, after 24 s"],
     )
+
+
+def test_ten_minutes_are_six_lines(clock, capsys):
+    for _ in progress.each(range(200), "render"):
+        clock[0] += 3
+    assert len(capsys.readouterr().err.splitlines()) == 6
 
 
 def test_work_of_seconds_says_nothing(clock, capsys):
@@ -42,7 +48,6 @@ def test_a_share_says_what_comes_and_its_end(clock, capsys):
         bar.to(200)
     assert capsys.readouterr().err.splitlines() == [
         "sweep: 25 %, after 20 s, 1 min 0 s left; round 1: opt4 trio 16x9",
-        "sweep: 100 %, after 1 min 21 s",
         "sweep: 100 %, after 1 min 21 s",
     ]
 

@@ -31,7 +31,7 @@ EXPERIMENT = Experiment(
     schemas={"verify.json": Verify},
     calls=calls,
     depth="quick",
-    cut="Pictures of height 90; the Mandelbulb's 4×4 means at height 45. Phases that ground truth judges draw "
-    "the timed scenes alone.",
+    cut="Pictures of height 90; the Mandelbulb's 4×4 means at height 45. Phases that ground truth judges "
+    "draw the timed scenes alone.",
     sections=[(510, chapter.verification)],
 )
