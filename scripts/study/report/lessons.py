@@ -19,7 +19,7 @@ from study.numbers import accuracy, analysis, ladder
 
 REFERENCE = registry.ROOT / "results" / "reference"
 RUN = REFERENCE / "zen5-2026-11-25"  # the study that the figures are of
-LARGE = REFERENCE / "zen4-2026-11-27-720p"  # the ladder at 1280×720
+LARGE = REFERENCE / "zen4-2026-11-29-720p"  # the ladder at 1280×720
 THREADS = REFERENCE / "zen5-2026-11-25-threads"  # one thread beside two
 NAME = "lesson.svg"
 STEPS = {  # ablations by the step that they are
@@ -306,6 +306,7 @@ PANELS: dict[str, tuple[str, list[Callable[[registry.Phase], Panel]]]] = {
     "opt9_convex": ("Closed forms where a march is not needed", [scene_times, evaluations]),
     "opt10_scene": ("A kernel compiled for the scene", [scene_times, paid]),
     "opt11_ideal": ("The shadow of the scene, not of the march", [large_times, to_ideal]),
+    "opt12_fused": ("Rows in registers, from direction to store", [large_times, to_ideal]),
     "truth": ("How far each phase is from the exact picture", [to_truth]),
     "rods": ("Neighbours share their early steps", [rods_times, rods_errors]),
     "rods_simd": ("Rods hand over to packets", [throttled]),

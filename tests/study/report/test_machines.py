@@ -20,7 +20,7 @@ def test_published_machines_state_ratios_only_beside_the_papers_program(
     """At 1280×720; this run's baseline was timed beside the paper's, which took 1 / 0.8693 times as long."""
     drawn: list[Ratio] = []
     monkeypatch.setattr(charts, "speedups", lambda found: drawn.extend(found) or "chart")
-    run = REFERENCE / "zen4-2026-11-27-720p"
+    run = REFERENCE / "zen4-2026-11-29-720p"
     data = analysis.load(run)
     assert machines.chart(data, ladder.rows(data)) == "chart"
     names = list(dict.fromkeys(one.machine for one in drawn))

@@ -4,7 +4,7 @@ from study.experiments.ablations import chapter, command, ideas
 from study.experiments.ablations.schema import SCHEMAS
 from study.experiments.experiment import Call, Experiment, Study
 
-QUICK = ("baseline", "opt1", "opt2")  # built in seconds
+QUICK = ("baseline", "opt1")  # built in seconds
 
 
 # At the command's own size and launches: at n = 90 and six launches half of the steps could not be told.
@@ -20,7 +20,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    cut="Steps of the first three phases on scene0 at height 60, six launches.",
+    cut="Steps of the first two phases on scene0 at height 60, six launches.",
     command=command,
     lesson=ideas.lesson,
     sections=[(410, lambda data: chapter.steps(data.path)), (420, lambda data: chapter.negative(data.path))],

@@ -14,8 +14,9 @@ HEIGHT, QUICK_HEIGHT = "180", "90"  # scene0's truth at 180: half a minute on tw
 
 
 def calls(study: Study) -> list[Call]:
-    """All scenes where it was asked for; else three."""
-    scenes = [] if study.whole else ["--scene", *dict.fromkeys([*study.scenes, "trio"])]
+    """All scenes where it was asked for; else three, in a quick study the timed ones."""
+    few = dict.fromkeys([*study.scenes, *([] if study.quick else ["trio"])])
+    scenes = [] if study.whole else ["--scene", *few]
     size = ["-n", "720" if study.depth == "full" else QUICK_HEIGHT if study.quick else HEIGHT]
     return [Call("accuracy", [*scenes, *size, "--run", str(study.run)])]
 
@@ -70,7 +71,7 @@ EXPERIMENT = Experiment(
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
-    cut="Three scenes at height 90.",
+    cut="The timed scenes at height 90.",
     sections=[(520, lambda data: errors(data.path))],
     sharded=Sharded(FILE, ("rows", "skipped"), command.units),
     command=command,
