@@ -110,8 +110,9 @@ compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* -
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
 # A derived phase takes over what its parent's build made wherever nothing differs, and an ablation what its phase's
-# made: so those are built first.
-$(foreach d,$(DERIVES),$(foreach o,phase.o read syntax/read,\
+# made: so those are built first. A parent is not built for its child's sake alone: that compiles more.
+ASKED := $(if $(filter phases %/viewer,$(MAKECMDGOALS)),$(PHASES:%=$(BUILD)/%/),$(filter-out %/read,$(MAKECMDGOALS:phase-%=$(BUILD)/%/)))
+$(foreach d,$(DERIVES),$(foreach o,read syntax/read $(if $(findstring $(BUILD)/$(lastword $(subst :, ,$d))/,$(ASKED)),phase.o),\
     $(eval $(BUILD)/$(firstword $(subst :, ,$d))/$o: | $(BUILD)/$(lastword $(subst :, ,$d))/$o)))
 $(foreach a,$(foreach f,$(FOLDERS),$(patsubst $f/ablations/%.patch,$(notdir $f)+%,$(wildcard $f/ablations/*.patch))),$(foreach o,phase.o count/phase.o,\
     $(eval $(BUILD)/$a/$o: | $(BUILD)/$(firstword $(subst +, ,$a))/$o)))

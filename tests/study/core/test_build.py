@@ -96,6 +96,20 @@ def test_only_what_changed_is_compiled_again(root):
     assert len(compiled("sdf.h")) == files  # each includes trace.h, which includes sdf.h
 
 
+@pytest.mark.parametrize(
+    ("goals", "compiled"),
+    [
+        (["opt8_streams/render"], ["opt8_streams"]),
+        (["opt8_streams/render", "opt7_tiles/syntax/read"], ["opt8_streams"]),
+        (["opt8_streams/render", "opt7_tiles/probe"], ["opt7_tiles", "opt8_streams"]),
+    ],
+)
+def test_a_parent_is_built_first_and_only_where_it_is_asked_for(goals, compiled, tmp_path):
+    words = ["make", "-n", f"BUILD={tmp_path}", *(f"{tmp_path}/{goal}" for goal in goals)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert re.findall(r"compile\.py assembly \S+/(\w+)/phase\.o", done.stdout) == compiled
+
+
 def derive(root, name, **keys):
     """A phase derived from baseline, without files of its own."""
     about = {"name": name, "title": "t", "family": "ladder", "order": 9, "parent": "baseline"}
