@@ -45,7 +45,7 @@ READ = ("opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 LOUD = os.environ.get("V", "") not in ("", "0")  # whether commands are shown
 CCACHE = Path("/usr/lib/ccache")  # Debian's: has a gcc and a clang that ask ccache first
 # It is to keep what was compiled with a parsed header (compile.py) too.
-PARSED = {"CCACHE_SLOPPINESS": "pch_defines,time_macros", "CCACHE_PCH_EXTSUM": "1", "CCACHE_DEPEND": "1"}
+PARSED = {"CCACHE_SLOPPINESS": "pch_defines,time_macros", "CCACHE_PCH_EXTSUM": "1"}
 END = 5  # seconds that what was started has for its end before it is killed
 
 # Programs of aarch64 that are run under an emulator (tests/arm64): where lanes are NEON's, sanitized too.
