@@ -13,7 +13,7 @@ EXPERIMENTS := $(patsubst scripts/study/experiments/%/experiment.py,%,$(wildcard
 # What was given of them: make sweep PHASE="opt3 opt4" SCENE=scene0 N=360 LAUNCHES=6.
 OPTIONS = $(if $(PHASE), --phase $(PHASE))$(if $(SCENE), --scene $(SCENE))$(if $(N), -n $(N))$(if $(LAUNCHES), --launches $(LAUNCHES))
 
-.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view web artifact try new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
+.PHONY: fuzz help setup setup-test study demo test test-rest test-all report view web artifact try judge student-branch new-phase format clean phases enclosures phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 phase11 phase12 $(EXPERIMENTS)
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -73,6 +73,9 @@ try: setup ## NAME=mine SCENE=scene0: a phase beside its parent, speed and error
 
 judge: setup ## LAB=1 NAME=mine: is a lab of docs/labs solved, and a hint if not; of lab 3 SCENE=file.json
 	@$(PY) scripts/stepwise judge $(or $(LAB),$(error LAB= is missing)) $(patsubst %,--phase %,$(or $(NAME),$(PHASE))) $(if $(SCENE),--file $(SCENE)) $(ARGS)
+
+student-branch: setup ## a branch for students without the labs' solutions: BRANCH=student, LABS="1 13": those that are open (docs/labs/COURSE.md)
+	@$(PY) scripts/stepwise student-branch $(if $(BRANCH),--branch $(BRANCH)) $(if $(LABS),--labs $(LABS)) $(ARGS)
 
 new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived from FROM; WHOLE=1: with a copy of its files
 	@$(PY) scripts/stepwise new-phase $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)

@@ -60,7 +60,7 @@ endif
 # makes in build/NAME/source. The sources of NAME@FROM and NAME+PATCH are those of NAME.
 FOLDERS := $(patsubst %/phase.json,%,$(wildcard phases/*/phase.json systems/*/phase.json truth/phase.json))
 PHASES := $(sort $(notdir $(FOLDERS)))
-DERIVES := $(shell grep -Ho '"derives": *"[^"]*"' $(FOLDERS:%=%/phase.json) | sed 's|\(.*/\)*\([^/]*\)/phase.json:[^:]*: *"\(.*\)"|\2:\3|')# child:parent
+DERIVES := $(shell grep -Ho '"derives": *"[A-Za-z0-9_]*"' $(FOLDERS:%=%/phase.json) | sed 's|\(.*/\)*\([^/]*\)/phase.json:[^:]*: *"\(.*\)"|\2:\3|')# child:parent
 DERIVED := $(foreach d,$(DERIVES),$(firstword $(subst :, ,$d)))
 folder_of = $(filter phases/$(1) systems/$(1) $(filter truth,$(1)),$(FOLDERS))
 source_of = $(firstword $(subst @, ,$(1)))

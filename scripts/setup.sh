@@ -176,6 +176,7 @@ optional perf "table of hotspots" linux-perf linux-tools-generic
 [ -n "$arm" ] || optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
 optional "${STEPWISE_INCLUDE:-/usr/include}/embree[34]/rtcore.h" "packet ray tracer beside Embree" libembree-dev
 [ "$purpose" != test ] || optional ccache "cache of what the tests compile" ccache
+[ "$purpose" != test ] || optional bwrap "test of the sandbox for students' phases" bubblewrap
 # Sixteen lanes in pairs of eight, where the CPU has no AVX-512 (tests/emulate).
 if [ "$purpose" = test ] && [ -z "$arm" ] && ! grep -qw avx512dq /proc/cpuinfo; then
     optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev

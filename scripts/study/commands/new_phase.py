@@ -15,7 +15,9 @@ from study.core import patches, registry, temporary
 from study.core.cli import Outcome, StudyError
 
 TAKEN = """accuracy asan calibration ceilings clang common emulated frames functions
-hard-fma pdf scaling systems test-opinions test-results test-scenes tests toolchains tsan views"""
+hard-fma judge labs leaderboard pdf sandbox scaling systems test-opinions test-results test-scenes tests
+toolchains tsan views"""
+ROUNDED = "opt5_threads"  # not on a students' branch
 BUILD_FOLDERS = {*TAKEN.split()}  # what else is made in build/, where a phase would be built too
 
 NOTES = """\
@@ -79,7 +81,7 @@ def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = Fal
         "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
         "paper": None,
     }
-    if "truth" not in (held := inherited.get("tolerance") or {}):
+    if "truth" not in (held := inherited.get("tolerance") or {}) and ROUNDED in phases:
         described["tolerance"] = {**(held if whole else {}), "truth": rounding(root)}
     try:
         with temporary.folder(room, f".{name}.") as made:
@@ -114,7 +116,7 @@ def sources(name: str, root: Path, whole: bool) -> dict[str, str]:
 def rounding(root: Path) -> dict[str, object]:
     """How much further from ground truth than baseline float's rounding may be: as opt5_threads declares it,
     the paper's last phase with nothing changed but its threads."""
-    return dict(patches.about("opt5_threads", root)["tolerance"]["truth"])
+    return dict(patches.about(ROUNDED, root)["tolerance"]["truth"])
 
 
 def following(name: str, parent: str, whole: bool) -> list[str]:

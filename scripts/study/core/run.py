@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from study.core import cli, progress
 from study.core.build import build
 from study.core.cli import BAD_INPUT, CANNOT_RUN, StudyError
-from study.core.host import child
+from study.core.host import child, sandbox
 from study.core.host.topology import FASTEST as FASTEST
 from study.core.host.topology import USABLE, spread
 from study.core.registry import Spec
@@ -114,10 +114,11 @@ def _lines(
         stack.callback(process.kill)  # does nothing to one that has ended
         assert process.stdout
         for line in process.stdout:
-            watch.heard = time.monotonic()
+            if not sandbox.active():  # there the whole program has a limit
+                watch.heard = time.monotonic()
             if line.endswith("\n"):
                 yield line
-        status = process.wait()
+        status = sandbox.ended(process.wait())
         if watch.ran_out:
             raise DriverError(status, str(child.overdue(arguments[0], watch.seconds)))
         errors.seek(0)
@@ -139,7 +140,8 @@ class _Watch:
     """Kills a process that says nothing for child.seconds(). One thread that sleeps: a line costs no more."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
-        self.process, self.seconds, self.ran_out = process, child.seconds(), False
+        usual = sandbox.SECONDS if sandbox.active() else child.SECONDS
+        self.process, self.seconds, self.ran_out = process, child.seconds(usual), False
         self.heard = time.monotonic()
         self.ended = threading.Event()
 

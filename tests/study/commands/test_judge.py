@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import emitted
 import pytest
 
-from study.commands import judge, new_phase, try_
+from study.commands import new_phase, try_
+from study.commands.labs import judge
 from study.core import cli, json_files, patches, registry
 from study.core.registry import ROOT, Spec
 from study.numbers import stats
@@ -29,6 +30,7 @@ def judged(monkeypatch, capsys):
 
         monkeypatch.setattr(try_, "times", times)
         monkeypatch.setattr(try_, "timed_height", lambda *_: 45)
+        monkeypatch.setattr(judge, "of_memory", lambda *_: judge.Check("memory", True, ""))  # test_memory.py
         return emitted.told("judge", *words, "-n", n, *SMALL), capsys.readouterr().out
 
     return call
@@ -130,7 +132,7 @@ def test_untimed_in_gradescope_s_form(judged, tmp_path, monkeypatch):
     status, said = judged(1, *words)
     assert status == 0 and "MISSED" not in said
     tests = json_files.read_json(out)["tests"]
-    assert [one["name"] for one in tests] == ["unchanged", "views", "picture", "work"]
+    assert [one["name"] for one in tests] == ["unchanged", "memory", "views", "picture", "work"]
     assert all(one["score"] == one["max_score"] == 1 for one in tests)
 
 
@@ -152,7 +154,7 @@ def test_idle_lanes_are_refused(judged, monkeypatch):
     status, said = judged(5, "--phase", "opt8_streams", "--json")
     result = emitted.result(said)
     passed = [one["passed"] for one in result["checks"]]
-    assert (status, passed) == (1, [True, True, True, False, True])
+    assert (status, passed) == (1, [True, True, True, True, False, True])
     assert result["hint"] == judge.labs()[5].hints["lanes"]
 
 

@@ -8,9 +8,11 @@ import emitted
 import numpy as np
 import pytest
 
-from study.commands import leaderboard, try_
-from study.commands.leaderboard import Entry
+from study.commands import try_
+from study.commands.labs import leaderboard
+from study.commands.labs.leaderboard import Entry
 from study.core import cli, registry
+from study.core.host import sandbox
 
 
 def times(middle: float, seed: int, spread: float = 0.01) -> list[float]:
@@ -69,10 +71,17 @@ def test_a_class_is_ranked(tmp_path, monkeypatch, capsys, hidden):
     monkeypatch.setattr(leaderboard, "placed", lambda _: contextlib.nullcontext(found))
     monkeypatch.setattr(leaderboard, "changed", lambda n, p: 0 if n.startswith("opt3") else real(n, p))
     monkeypatch.setattr(try_, "timed_height", lambda *_: 36)
-    monkeypatch.setattr(try_, "times", lambda specs, *_: {spec: times(2, 1) for spec in specs})
+    inside = []
+
+    def measured(specs, *_):
+        inside.append(sandbox.active())
+        return {spec: times(2, 1) for spec in specs}
+
+    monkeypatch.setattr(try_, "times", measured)
     page = tmp_path / "page.html"
     words = ("leaderboard", tmp_path, "-n", 36, "-o", page, "--json", "--seed", 3, *["--hidden"] * hidden)
     assert emitted.told(*words) == cli.FAILED
+    assert inside == [True] and not sandbox.active()
     said = capsys.readouterr().out
     one, *out = emitted.result(said)["entries"]
     assert one["rank"] == 1 and one["psnr_db"] > 50 and one["parent"] == "opt2" and one["evaluations"] > 1

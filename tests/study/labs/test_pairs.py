@@ -9,7 +9,8 @@ from collections import Counter
 import emitted
 import pytest
 
-from study.commands import judge, try_
+from study.commands import try_
+from study.commands.labs import judge
 from study.core import cli, patches, registry
 from study.core.registry import ROOT, Spec
 from study.counting import cachegrind

@@ -8,7 +8,7 @@ import emitted
 import pandas as pd
 import pytest
 
-from study.commands import judge
+from study.commands.labs import judge
 from study.core import json_files
 from study.core.registry import ROOT
 from study.labs import answers, published

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from study.commands import judge
+from study.commands.labs import judge
 from study.core import cli
 from study.core.registry import ROOT
 from study.labs import answers, statistics

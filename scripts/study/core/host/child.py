@@ -12,16 +12,17 @@ from typing import Any
 
 from study.core import cli
 from study.core.cli import CANNOT_RUN, StudyError
+from study.core.host import sandbox
 
 SECONDS = 3600.0  # of one program; a compiler or a tool takes minutes
 LIMIT = "STEPWISE_CHILD_SECONDS"
 
 
-def seconds() -> float:
-    """What a child may take, by the environment or SECONDS. StudyError for no number."""
+def seconds(usual: float = SECONDS) -> float:
+    """What a child may take, by the environment or as usual. StudyError for no number."""
     text = os.environ.get(LIMIT)
     with contextlib.suppress(ValueError):
-        if (limit := float(text) if text else SECONDS) > 0:
+        if (limit := float(text) if text else usual) > 0:
             return limit
     raise StudyError(f"{LIMIT}={text}: must be a number of seconds above 0")
 
@@ -71,7 +72,7 @@ def started(command: Sequence[str | Path], **options: Any) -> Iterator[subproces
     where the CPUs that it was to be pinned to may no longer be used."""
     may_start()
     try:
-        child = subprocess.Popen(command, process_group=0, **options)
+        child = subprocess.Popen(sandbox.around(command), process_group=0, **options)
     except subprocess.SubprocessError:  # preexec_fn, which pins it; the system says no more
         raise NotPinned(command[0]) from None
     with child:
@@ -113,4 +114,4 @@ def run(
         raise overdue(command[0], limit) from None
     if check and child.returncode:
         raise subprocess.CalledProcessError(child.returncode, command, out, err)
-    return subprocess.CompletedProcess(command, child.returncode, out, err)
+    return subprocess.CompletedProcess(command, sandbox.ended(child.returncode), out, err)

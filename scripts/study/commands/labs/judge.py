@@ -1,14 +1,16 @@
 """Judges a solution of one of the labs of docs/labs: its picture, its speed-up with interval, and a hint.
 
-Speed is measured against the lab's start, interleaved in one run. Of a lab that asks for a scene, the scene's
-pictures are judged; of one that asks for answers, without --file the task is written.
+A phase is first run by a build with AddressSanitizer and UndefinedBehaviorSanitizer. Speed is measured
+against the lab's start, interleaved in one run. Of a lab that asks for a scene, the scene's pictures are
+judged; of one that asks for answers, without --file the task is written.
 """
 
 import argparse
+import contextlib
 import math
 import re
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,11 +20,12 @@ from study.commands import try_
 from study.core import cli, json_files, patches, registry, show, store
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
+from study.core.host import sandbox
 from study.core.registry import Scene, Spec
 from study.core.run import USABLE
 from study.core.run import render as run_driver
 from study.counting import cachegrind
-from study.labs import answers, crowds
+from study.labs import answers, crowds, memory
 from study.numbers import stats
 from study.numbers.stats import Interval
 from study.pictures import images
@@ -42,7 +45,7 @@ HINTS = {
     " baseline, and names like opt4 and opt4_mine.",
     "unchanged": "It is the start as it was. `make try NAME=mine` tells after each change what it gained.",
     "views": "A frame may keep nothing of another: what is kept must hang on the scene alone.",
-}
+} | {kind: advice for kind, (_, advice) in memory.ADVICE.items()}
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,13 @@ class Lab:
 
 @dataclass(frozen=True)
 class Check:
-    """`hint`: its key among the hints, where that is not the name."""
+    """`hint`: its key among the hints, where that is not the name; `text`: a tool's own, of several lines."""
 
     name: str
     passed: bool
     said: str
     hint: str = ""
+    text: str = ""
 
 
 def labs() -> dict[int, Lab]:
@@ -113,6 +117,14 @@ def of_source(lab: Lab, name: str, root: Path = registry.ROOT) -> Check:
         for one in (name, lab.start)
     )
     return Check("unchanged", mine != theirs, f"its sources differ from {lab.start}'s")
+
+
+def of_memory(spec: Spec, scene: Scene, height: int, threads: int) -> Check:
+    """Whether the sanitizers find nothing."""
+    said = "no fault of memory, by AddressSanitizer and UndefinedBehaviorSanitizer"
+    if not (fault := memory.looked(spec, scene, height, threads)):
+        return Check("memory", True, said)
+    return Check("memory", False, f"{said} ({fault.said})", fault.kind, fault.text)
 
 
 def picture_at(name: str) -> Path:
@@ -280,19 +292,44 @@ def options(parser: argparse.ArgumentParser) -> None:
     )
     about = "also writes Gradescope's results.json: a point a check"
     add("--gradescope", type=Path, metavar="FILE", help=about)
+    about = "no network, limits, and nothing written but in build/; default with --json and --gradescope"
+    add("--sandbox", action=argparse.BooleanOptionalAction, help=about)
     add("--seed", type=int, default=secrets.randbelow(2**32), help="of order and padding; default: random")
 
 
 def gradescope(path: Path, checks: Sequence[Check], hint: str) -> None:
     """Gradescope's form (gradescope-autograders.readthedocs.io, “Output format”). Raises StudyError."""
     tests = [
-        {"name": one.name, "score": int(one.passed), "max_score": 1, "output": one.said} for one in checks
+        {
+            "name": one.name,
+            "score": int(one.passed),
+            "max_score": 1,
+            "output": f"{one.said}\n{one.text}".strip(),
+        }
+        for one in checks
     ]
     store.write_json(path, {"tests": tests, "output": hint, "visibility": "visible"})
 
 
+@contextlib.contextmanager
+def sandboxed(wanted: bool) -> Iterator[None]:
+    """Meanwhile what is built and run is in the sandbox, or where that fails, under its limits: a line says
+    so."""
+    with contextlib.ExitStack() as stack:
+        if wanted and (lacking := stack.enter_context(sandbox.entered(registry.ROOT / "build"))):
+            cli.say(f"no sandbox, limits of time and memory alone: {lacking}")
+        yield
+
+
 def run(args: argparse.Namespace) -> Outcome:
-    outcome = judged(args)
+    wanted = bool(args.json or args.gradescope) if args.sandbox is None else args.sandbox
+    try:
+        with sandboxed(wanted and not labs()[args.lab].answers):
+            outcome = judged(args)
+    except StudyError as error:
+        if args.gradescope:
+            gradescope(args.gradescope, [Check("runs", False, str(error))], "")
+        raise
     told = outcome.result
     if args.gradescope and "checks" in told:
         checks = told["checks"] or [Check("compiles", False, told["compiler"])]
@@ -333,9 +370,12 @@ def judged(args: argparse.Namespace) -> Outcome:
             compiler = str(error)
             result = {"lab": lab.number, "checks": [], "hint": None, "try": None, "compiler": compiler}
             return Outcome(result, [compiler], status=DOES_NOT_COMPILE)
-        if checks[0].passed and lab.height:
+        if checks[0].passed:
+            checks.append(of_memory(spec, scene, lab.height or args.n, lab.threads))
+        sound = all(one.passed for one in checks)
+        if sound and lab.height:
             checks += [of_views(spec, scene, lab.height), *of_pair(lab, scene, args)]
-        elif checks[0].passed:
+        elif sound:
             named = registry.given(str(scene.path)) if lab.crowd else lab.scene
             what = {"name": args.phase, "against": lab.start, "scene": named}
             told = try_.compared(argparse.Namespace(**vars(args) | what))
@@ -346,6 +386,7 @@ def judged(args: argparse.Namespace) -> Outcome:
     lines += [
         f"Lab {lab.number}, {lab.title}",
         *(f"  {'reached' if one.passed else 'MISSED '}  {one.said}" for one in checks),
+        *(f"    {line}" for one in checks for line in one.text.splitlines()),
         f"Hint: {hint}" if hint else "All of it reached.",
     ]
     result = {"lab": lab.number, "checks": checks, "hint": hint, "try": told}

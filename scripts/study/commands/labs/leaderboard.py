@@ -1,7 +1,7 @@
 """Ranks students' phases: all are built, verified, and timed in one interleaved run; writes a page.
 
 FOLDER has a folder a student, with the files of a phase as in phases/NAME. Each is put into phases/ under a
-name of its own while it is judged. Its code runs with your rights: use a container.
+name of its own while it is judged. It is built and run in a sandbox where bubblewrap works.
 
 Out of the ranking is what does not compile, keeps something of a frame, or is further from ground truth than
 --decibels allows. Ties are ties: a phase shares the rank of a faster one where the interval of their ratio
@@ -20,7 +20,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from study.commands import judge, try_
+from study.commands import try_
+from study.commands.labs import judge
 from study.core import cli, json_files, patches, registry, show, store
 from study.core.build import build
 from study.core.cli import Outcome, StudyError
@@ -189,7 +190,7 @@ def named(found: dict[str, str], hidden: bool, seed: int) -> dict[str, str]:
 
 def run(args: argparse.Namespace) -> Outcome:
     scene = registry.find_scene(args.scene)
-    with placed(args.folder) as found:
+    with placed(args.folder) as found, judge.sandboxed(True):
         entries = [verified(name, scene, args.n, args.decibels) for name in found]
         specs = [Spec.parse(one.name) for one in entries if not one.out]
         ms: dict[str, list[float]] = {}

@@ -1,0 +1,1 @@
+"""Commands for who takes or gives a course (docs/labs)."""

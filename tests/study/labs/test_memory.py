@@ -1,0 +1,64 @@
+"""Faults of memory as the sanitizers tell them: what is said and advised. The texts are of gcc 12."""
+
+from __future__ import annotations
+
+import pytest
+
+from study.core.registry import ROOT
+from study.labs import memory
+
+OVERFLOW = f"""\
+=================================================================
+==71==ERROR: AddressSanitizer: heap-buffer-overflow on address 0x602 at pc 0x55 bp 0x7f sp 0x7f
+WRITE of size 8 at 0x602 thread T0
+    #0 0x55d0 in phase_update {ROOT}/phases/mine/render.c:36
+    #1 0x55d1 in phase_prepare {ROOT}/phases/mine/render.c:22
+    #2 0x55d2 in run common/driver/driver.c:180
+    #3 0x7f0a in __libc_start_call_main (/lib/x86_64-linux-gnu/libc.so.6+0x2724)
+
+0x602 is located 0 bytes to the right of 288-byte region [0x5e0,0x602)
+allocated by thread T0 here:
+    #0 0x7f0b in malloc (/lib/libasan.so.8+0xb8)
+    #1 0x55d3 in phase_prepare {ROOT}/phases/mine/render.c:15
+
+SUMMARY: AddressSanitizer: heap-buffer-overflow phases/mine/render.c:36 in phase_update
+Shadow bytes around the buggy address:
+  0x0c04: fa fa
+"""
+POISON = OVERFLOW.replace("heap-buffer-overflow", "use-after-poison")
+SEGV = (
+    "==1==ERROR: AddressSanitizer: SEGV on unknown address 0x0 (pc 0x1)\n    #0 0x1 in f phases/a/b/c.c:7\n"
+)
+UNDEFINED = (
+    "phases/mine/sdf.h:88:12: runtime error: index 6 out of bounds for type 'double [6]'\n    #0 0x1 in f\n"
+)
+LARGE = (
+    "==1==ERROR: AddressSanitizer: requested allocation size 0x10 exceeds maximum (allocation-size-too-big)\n"
+)
+GROWN = "==9==AddressSanitizer: hard rss limit exhausted (4096Mb vs 4100Mb)\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "said"),
+    [
+        (OVERFLOW, "array", "heap-buffer-overflow, phases/mine/render.c:36"),
+        (POISON, "plane", "use-after-poison, phases/mine/render.c:36"),
+        (SEGV, "plane", "SEGV on unknown address 0x0, phases/a/b/c.c:7"),
+        (UNDEFINED, "undefined", "index 6 out of bounds for type 'double [6]', phases/mine/sdf.h:88"),
+        (LARGE, "room", "requested allocation size 0x10 exceeds maximum"),
+        (GROWN, "room", "hard rss limit exhausted"),
+        ("one\nconnect: no way\n", "ends", "mine: status 1: connect: no way"),
+        ("", "ends", "mine: status 1"),
+    ],
+)
+def test_what_is_said(text: str, kind: str, said: str) -> None:
+    fault = memory.fault_of(text, "mine: status 1")
+    assert fault.kind == kind and fault.said.startswith(said) and "\n" not in fault.said
+
+
+def test_the_text_is_short_and_of_this_folder() -> None:
+    """Without the bytes of the shadow and the frames of libraries."""
+    lines = memory.fault_of(OVERFLOW, "").text.splitlines()
+    assert "heap-buffer-overflow" in lines[0] and lines[-1].startswith("SUMMARY")
+    assert sum("phases/mine/render.c" in line for line in lines) == 4
+    assert not any(str(ROOT) in line or "libasan" in line or "Shadow" in line for line in lines)
