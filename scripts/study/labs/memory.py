@@ -91,12 +91,17 @@ def looked(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Fault | N
         raise StudyError(
             f"the sanitizers' build fails, though the other does not: {error}", CANNOT_RUN
         ) from None
-    display = [["--display"]] if find_phase(spec.phase).display else []
-    sizes = [[*SMALL, "--reps", 2, "--aov"], *([*SMALL, *more] for more in display), [*scene.size(height)]]
-    for width, high, *words in sizes:
-        command = [program, scene.path, "-w", width, "-n", high, "--threads", threads, *words, "--json"]
-        if fault := _run([str(word) for word in command]):
-            again = " ".join(str(word).replace(f"{ROOT}/", "") for word in command)
+    asked: list[tuple[tuple[int, int], list[str]]] = [
+        (SMALL, ["--reps", "2", "--aov"]),
+        (scene.size(height), []),
+    ]
+    if find_phase(spec.phase).display:
+        asked.append((SMALL, ["--display"]))
+    for (width, high), words in asked:
+        sized = ["-w", str(width), "-n", str(high), "--threads", str(threads)]
+        command = [str(program), str(scene.path), *sized, *words, "--json"]
+        if fault := _run(command):
+            again = " ".join(command).replace(f"{ROOT}/", "")
             return Fault(fault.kind, fault.said, f"{fault.text}\nAgain: {again}".strip())
     return None
 

@@ -85,6 +85,7 @@ def test_labs_and_pages_name_the_starts_of_the_branch(clone: Path) -> None:
     assert {lab["number"]: lab["start"] for lab in labs} == {1: "baseline", 11: "start11"}
     page = git(clone, "show", "two:docs/labs/11-intrinsics.md")
     assert "FROM=start11\n" in page and "scalar_octahedron" not in page and "phases/start11/vec.h" in page
+    assert "## For teachers" not in git(clone, "show", "two:docs/labs/README.md")
     assert "phases/start4/core/packet_group.h" in git(clone, "show", "all:docs/labs/4-sleeping-shapes.md")
 
 

@@ -28,9 +28,11 @@ WORKFLOW = "docs/labs/autograding/github-classroom.yml"  # becomes the branch's 
 CODE = re.compile(r"^```c\n.*?^```\n", re.MULTILINE | re.DOTALL)
 CUT = "*The code is left out on this branch.*\n"
 NOTE = """
-On this branch each start is a phase of its own, and what solves a lab is left out. Your phase holds no
-file at first: copy those that you edit, like `phases/start4/core/sdf.h`, to the same place in it.
+On this branch each start is a phase of its own, and what solves a lab is left out: no patch, no phase with
+the idea, no test. Your phase holds no file at first: copy those that you edit, like
+`phases/start4/core/sdf.h`, to the same place in it. `make try` compares it with its start.
 """
+TEACHERS = "\n## For teachers\n"
 Lab = dict[str, Any]
 
 
@@ -103,7 +105,7 @@ def renamed(opened: Sequence[Lab], starts: dict[str, str], root: Path) -> None:
         for old, new in starts.items():
             text = text.replace(old, new)
         if page.name == "README.md":
-            text = text.replace("\n", f"\n{NOTE}", 1)
+            text = text.partition(TEACHERS)[0].replace("\n", f"\n{NOTE}", 1)
         store.write_text(page, text)
     labs = [lab | {"start": starts.get(lab.get("start", ""), lab.get("start", ""))} for lab in opened]
     store.write_text(place / "labs.json", json.dumps({"labs": labs}, indent=4, ensure_ascii=False) + "\n")

@@ -40,8 +40,9 @@ def _words(writable: Path, more: Sequence[str]) -> list[str]:
     for folder in (temporary, kernels):
         folder.mkdir(parents=True, exist_ok=True)
     return [
-        *(TOOL, "--ro-bind", "/", "/", "--dev", "/dev", "--bind", str(writable), str(writable)),
-        *(*NAMESPACES, *more),
+        *(TOOL, "--ro-bind", "/", "/", "--dev", "/dev"),
+        *(() if writable.is_relative_to("/run") else ("--tmpfs", "/run")),  # sockets of daemons
+        *("--bind", str(writable), str(writable), *NAMESPACES, *more),
         *(word for name, value in told.items() for word in ("--setenv", name, str(value))),
     ]
 
