@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,7 +65,7 @@ def test_how_a_child_ends(inside: Path) -> None:
 
 
 def test_what_hangs_goes_with_what_it_started(inside: Path) -> None:
-    mark = f"0.{os.getpid()}"
+    mark = f"0.{uuid.uuid4().int}"
     with pytest.raises(StudyError, match="no end after 1 s"):
         child.run(["sh", "-c", f"sleep 77{mark} & sleep 78{mark}"], capture_output=True, timeout=1)
     left = [pid.name for pid in Path("/proc").glob("[0-9]*") if mark in arguments(pid)]

@@ -35,10 +35,9 @@ def active() -> bool:
 
 
 def _words(writable: Path, more: Sequence[str]) -> list[str]:
-    temporary, kernels = writable / "sandbox" / "tmp", writable / "sandbox" / "kernels"
-    told = {"TMPDIR": temporary, "STEPWISE_CACHE": kernels, "CCACHE_DISABLE": 1}
-    for folder in (temporary, kernels):
-        folder.mkdir(parents=True, exist_ok=True)
+    temporary = writable / "sandbox"
+    temporary.mkdir(parents=True, exist_ok=True)
+    told = {"TMPDIR": temporary, "STEPWISE_CACHE": temporary / "kernels", "CCACHE_DISABLE": 1}
     return [
         *(TOOL, "--ro-bind", "/", "/", "--dev", "/dev"),
         *(() if writable.is_relative_to("/run") else ("--tmpfs", "/run")),  # sockets of daemons
@@ -60,7 +59,7 @@ def _works(words: Sequence[str]) -> str:
 def entered(writable: Path) -> Iterator[str]:
     """Meanwhile each child of core.host.child is in it. Gives why limits alone hold, "" if all of it does."""
     global _around, _limits
-    tried = [_words(writable, more) for more in (OWN_PROCESSES, ())]
+    tried = [_words(writable.resolve(), more) for more in (OWN_PROCESSES, ())]
     lacking = [_works(words) for words in tried]
     _around = next((words for words, why in zip(tried, lacking, strict=True) if not why), [])
     _limits = ["prlimit", f"--as={MEMORY}", f"--fsize={FILE}", f"--cpu={CPU}", "--core=0"]
