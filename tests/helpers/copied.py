@@ -25,3 +25,11 @@ def sources(folder: Path) -> Path:
             shutil.copy2(ROOT / name, folder / name)
     (folder / ".venv").symlink_to(ROOT / ".venv")
     return folder
+
+
+def built(folder: Path) -> Path:
+    """The folder, with what this project has built of common/ and of ground truth."""
+    for name in ("common", "truth"):
+        if (ROOT / "build" / name).is_dir():
+            shutil.copytree(ROOT / "build" / name, folder / "build" / name)
+    return folder

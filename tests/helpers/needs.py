@@ -1,9 +1,7 @@
-"""What a test needs of the machine, else it is left out by name; and copies of the project."""
+"""What a test needs of the machine, else it is left out by name."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,10 +9,7 @@ import pytest
 from study.core import registry
 from study.core.cli import StudyError
 from study.core.host import sandbox as boxes
-from study.core.registry import ROOT
 from study.experiments.original import measure as original
-
-LEFT_OUT = (".git", ".venv", "build", "results/reference", "__pycache__")
 
 
 def cpu_for(phase: str) -> None:
@@ -38,22 +33,3 @@ def papers_program() -> Path:
     except StudyError as error:
         pytest.skip(str(error))
     return kept
-
-
-def copy(folder: Path) -> Path:
-    """Without what was built but ground truth, with this one's packages."""
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in names.stdout.splitlines():
-        if not name.startswith(LEFT_OUT):
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, folder / name)
-    built(folder)
-    return folder
-
-
-def built(folder: Path) -> None:
-    """This project's packages, and what it has built of common/ and of ground truth."""
-    (folder / ".venv").symlink_to((ROOT / ".venv").resolve())
-    for name in ("common", "truth"):
-        if (ROOT / "build" / name).is_dir():
-            shutil.copytree(ROOT / "build" / name, folder / "build" / name)

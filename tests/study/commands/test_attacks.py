@@ -10,6 +10,7 @@ import os
 import subprocess
 from pathlib import Path
 
+import copied
 import needs
 import pytest
 
@@ -63,7 +64,7 @@ def phase(root: Path, name: str, sources: dict[str, str], cflags: str = "") -> N
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = needs.copy(tmp_path_factory.mktemp("attacks"))
+    root = copied.built(copied.sources(tmp_path_factory.mktemp("attacks")))
     plain = (ROOT / "phases/baseline/render.c").read_text()
     for before, attacks in ((PREPARE, PREPARED), (RENDER, RENDERED)):
         for name, (code, *_) in attacks.items():
