@@ -105,11 +105,14 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     vfloat per_share = v_splat(1 / f->share);
     float q = v_reduce_max(v_select_or_zero(active, best * per_share));
     int count = list_balls(f, &b, q, f->wider, list);
-    for (int i = 0; i < count; i++)
-        if (f->sphere[list[i]] > 0) {
-            vfloat ratio = ratio_of_sphere(f, list[i], o, d, near, far, best);
-            best = v_select(active, ratio, best);
-        }
+    for (int i = 0; i < count; i++) {
+        if (!(f->sphere[list[i]] > 0))
+            continue;
+        vfloat ratio = ratio_of_sphere(f, list[i], o, d, near, far, best);
+        best = v_select(active, ratio, best);
+        if (!v_any(v_and(active, v_cmp_gt(best, v_splat(0.0f)))))
+            return best;
+    }
     vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
     float more = less_drop(f, count);
     active = v_and(active, v_cmp_gt(best, v_splat(0.0f)));

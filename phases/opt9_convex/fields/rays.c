@@ -35,6 +35,42 @@ vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
     return field_distance(primitive->field, p);
 }
 
+// The same of a blend of the listed spheres, closed: normals and materials are mixed by the weights.
+static struct field_surface blend_surface(const struct field *field, const int *list, int count,
+                                          struct vec p) {
+    const struct program *program = field->program;
+    vfloat e[MOST_SPHERES], zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(INFINITY);
+    struct vec g[MOST_SPHERES], n = {zero, zero, zero};
+    for (int i = 0; i < count; i++) {
+        struct vec v = vec_sub(p, ball_centre(field, list[i]));
+        vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f)), per = v_rsqrt_newton(square);
+        e[i] = v_msub(square, per, v_splat(field->sphere[list[i]]));
+        g[i] = vec_scale(v, per);
+        least = v_min(e[i], least);
+    }
+    for (int i = 0; i < count; i++)
+        e[i] = (e[i] - least) * v_splat(field->per_blend);
+    vfloat level = level_near(e, count), sum = one, kept = zero;
+    for (int i = 0; i < count; i++) { // once more, to all bits
+        vmask in = v_cmp_lt(e[i], level);
+        sum = v_add_where(in, sum, e[i]);
+        kept = v_add_where(in, kept, one);
+    }
+    level = sum / kept;
+    struct field_surface all = {n, n, zero, zero};
+    for (int i = 0; i < count; i++) {
+        int step = field->first[field->balls.shape[list[i]]];
+        const struct group_node *m = &program->nodes[program->steps[step].node];
+        vfloat w = v_max(level - e[i], zero);
+        n = vec_along(n, g[i], w);
+        all.color = vec_along(all.color, vec_set(m->color), w);
+        all.reflectivity = v_madd(w, v_splat(m->reflectivity), all.reflectivity);
+        all.shininess = v_madd(w, v_splat(m->shininess), all.shininess);
+    }
+    all.normal = vec_scale(n, one / v_max(vec_norm(n), v_splat(1e-18f)));
+    return all;
+}
+
 // Arrays of variable length are aligned as vectors: clang 14 takes the stack below them for aligned so, and passes vectors
 // there.
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
@@ -45,6 +81,8 @@ struct field_surface field_surface(const struct field *field, struct vec p, vmas
         struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
         struct beam b = beam_of(p, still, found, v_splat(0.0f), v_splat(0.0f));
         int count = list_balls(field, &b, 0, field->wider, list);
+        if (field->blend > 0 && count > 0 && count <= MOST_SPHERES)
+            return blend_surface(field, list, count, p);
         if (count > 0)
             part = part_of(field, list, count, room);
     }
@@ -131,8 +169,8 @@ static vmask enter_segment(const struct field *f, int *list, int count, struct v
     if (count == 1 && f->sphere[list[0]] > 0) {
         float shrink = f->sphere[list[0]] - f->balls.level[0].radius[list[0]];
         struct cone_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
-        *t = v_select(active, s.in, *t);
-        return v_and(v_and(active, s.met), v_and(v_cmp_ge(s.in, begin), v_cmp_lt(s.in, end)));
+        *t = v_select(active, v_max(s.in, begin), *t);
+        return v_and(v_and(active, s.met), v_and(v_cmp_gt(s.out, begin), v_cmp_lt(s.in, end)));
     }
     if (f->blend > 0 && count <= MOST_SPHERES)
         return march_spheres(f, list, count, o, d, active, begin, end, t);
@@ -149,13 +187,22 @@ static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmas
     struct beam b = beam_of(o, d, active, near, far);
     int listed = list_balls(f, &b, 0, f->wider, list), count = 0;
     _Alignas(64) struct cone_span ball[listed + 1], reach[listed + 1];
+    vfloat straight = v_splat(0.0f), within = far;
+    for (int i = 0; i < listed; i++) { // within a child a ray is within the union, too
+        reach[i] = ball_span(f, list[i], f->wider, o, d, straight);
+        float shrink = f->sphere[list[i]] * (1 - 0x1p-9f) - f->balls.level[0].radius[list[i]];
+        struct cone_span child = ball_span(f, list[i], shrink, o, d, straight);
+        vmask enters = v_and(child.met, v_cmp_gt(child.in, near));
+        within = v_select(enters, v_min(child.in, within), within);
+    }
     for (int i = 0; i < listed; i++) {
-        reach[count] = ball_span(f, list[i], f->wider, o, d, v_splat(0.0f));
+        vmask needed = v_and(v_and(reach[i].met, active), v_cmp_lt(reach[i].in, within));
+        reach[count] = reach[i];
         list[count] = list[i];
-        count += v_any(v_and(reach[count].met, active));
+        count += v_any(needed);
     }
     for (int i = 0; i < count; i++)
-        ball[i] = ball_span(f, list[i], less_drop(f, count), o, d, v_splat(0.0f));
+        ball[i] = ball_span(f, list[i], less_drop(f, count), o, d, straight);
     vmask found = v_mask_none();
     while (count > 0 && v_any(active)) {
         vfloat begin = far, end = far;
