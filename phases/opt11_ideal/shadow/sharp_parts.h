@@ -141,20 +141,21 @@ static void rise_from_cut(const struct part_leaves *part, const struct primitive
     }
 }
 
-// Lowers w->best by part `first` of a sharp group. Returns the rays on which the rest of the group's field, which cuts the
-// convex leaves, decides where they come nearest.
-static vmask widest_of_part(const struct primitive *s, int first, const struct part_leaves *part,
+// Lowers w->best by a part of a sharp group. cut: bits of its leaves that are cut from it. Returns the rays on which the rest
+// of the group's field, which cuts the convex leaves, decides where they come nearest.
+static vmask widest_of_part(const struct primitive *s, unsigned cut, const struct part_leaves *part,
                             struct vec o, struct vec d, const struct cone_span *span,
                             struct soft_packet *w) {
-    const struct sharp *sharp = s->sharp;
     vfloat zero = v_splat(0.0f), where;
     vfloat least = least_of_part(part, span, w->best, PART_ROOM, &where);
     vmask inside = v_and(span->met, v_cmp_le(least, zero));
-    for (int i = first; i < sharp->leaves && v_any(inside); i++)
-        if (sharp->guard[i] == first && sharp->removes[i] && sharp->leaf[i].type != SHAPE_PLANE) {
-            struct cone_rays rays = rays_of_leaf(&sharp->leaf[i], o, d);
-            rise_from_cut(part, &sharp->leaf[i], &rays, span, inside, &least, &where);
-        }
+    for (unsigned rest = cut; rest && v_any(inside); rest &= rest - 1) {
+        const struct primitive *leaf = &s->sharp->leaf[__builtin_ctz(rest)];
+        if (leaf->type == SHAPE_PLANE)
+            continue;
+        struct cone_rays rays = rays_of_leaf(leaf, o, d);
+        rise_from_cut(part, leaf, &rays, span, inside, &least, &where);
+    }
     vmask met = v_and(span->met, v_cmp_lt(least, w->best));
     if (!v_any(met))
         return met;
@@ -168,26 +169,22 @@ static void clip_to_parts(const struct primitive *s, struct vec o, struct vec d,
                           struct soft_packet *w) {
     const struct sharp *sharp = s->sharp;
     vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
-    bool whole = v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.99f))));
-    for (int i = 0; i < sharp->leaves; i++) // a half-space may hold any part
-        whole = whole || (sharp->leaf[i].type == SHAPE_PLANE && sharp->guard[i] < 0);
-    if (whole)
+    if (v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.99f)))))
         return;
-    for (int part = 0; part < sharp->leaves; part++) {
-        if (sharp->guard[part] >= 0 || sharp->removes[part])
-            continue;
+    for (int part = 0; part < sharp->parts; part++) {
         struct cone_span span = {w->active, w->near, w->far};
-        struct part_leaves leaves = {.count = 0};
-        for (int i = part; i < sharp->leaves && v_any(span.met); i++) {
-            if (sharp->leaf[i].type == SHAPE_PLANE ||
-                (i != part && (sharp->guard[i] != part || !sharp->holds[i])))
+        struct part_leaves leaves;
+        leaves.count = 0;
+        for (unsigned rest = sharp->part[part].kept; rest && v_any(span.met); rest &= rest - 1) {
+            const struct primitive *leaf = &sharp->leaf[__builtin_ctz(rest)];
+            if (leaf->type == SHAPE_PLANE)
                 continue;
-            clip_to_leaf(&sharp->leaf[i], o, d, w->best, &span);
-            leaves.leaf[leaves.count] = &sharp->leaf[i];
-            leaves.rays[leaves.count++] = rays_of_leaf(&sharp->leaf[i], o, d);
+            clip_to_leaf(leaf, o, d, w->best, &span);
+            leaves.leaf[leaves.count] = leaf;
+            leaves.rays[leaves.count++] = rays_of_leaf(leaf, o, d);
         }
-        if (v_any(span.met))
-            span.met = widest_of_part(s, part, &leaves, o, d, &span, w);
+        if (leaves.count > 0 && v_any(span.met)) // half-spaces alone may hold any part
+            span.met = widest_of_part(s, sharp->part[part].cut, &leaves, o, d, &span, w);
         begin = v_select(span.met, v_min(begin, span.in), begin);
         end = v_select(span.met, v_max(end, span.out), end);
     }

@@ -1,9 +1,10 @@
-// Takes a group's tree apart into leaves and an expression (hit/sharp.h). No vectors in here.
+// Takes a group's tree apart into leaves, and makes it a union of parts (hit/sharp.h). No vectors in here.
 #include "frame/prepare.h"
 #include "hit/sharp.h"
 #include "scene/vector.h"
 
 #include <math.h>
+#include <string.h>
 
 // Of a frame: q = turn·p + moved.
 struct placed {
@@ -16,23 +17,30 @@ struct taker {
     bool fits;
 };
 
-static void write_op(struct taker *w, int step) {
-    w->fits = w->fits && w->sharp->steps < SHARP_STEPS;
-    if (w->fits)
-        w->sharp->step[w->sharp->steps++] = (signed char)step;
-}
-
+// Adds a leaf, and the part that it is: where a node is taken away, what is outside of it.
 static struct primitive *add_leaf(struct taker *w, bool removes) {
     struct sharp *sharp = w->sharp;
-    w->fits = w->fits && sharp->leaves < SHARP_LEAVES;
+    w->fits = w->fits && sharp->leaves < SHARP_LEAVES && sharp->parts < SHARP_PARTS;
     if (!w->fits)
         return NULL;
-    sharp->removes[sharp->leaves] = removes;
+    unsigned bit = 1u << sharp->leaves;
     sharp->shape[sharp->leaves] = NULL;
-    sharp->guard[sharp->leaves] = -1;
-    sharp->holds[sharp->leaves] = false;
-    write_op(w, sharp->leaves);
+    sharp->part[sharp->parts++] =
+        (struct sharp_part){.kept = removes ? 0 : bit, .cut = removes ? bit : 0};
     return &sharp->leaf[sharp->leaves++];
+}
+
+// Replaces the parts from `first` on by what each of them has in common with each of those from `second` on.
+static void intersect_parts(struct taker *w, int first, int second) {
+    struct sharp_part all[SHARP_PARTS], *part = w->sharp->part;
+    int count = 0, most = (second - first) * (w->sharp->parts - second);
+    w->fits = w->fits && most <= SHARP_PARTS - first;
+    for (int i = first; i < second && w->fits; i++)
+        for (int k = second; k < w->sharp->parts; k++)
+            all[count++] =
+                (struct sharp_part){part[i].kept | part[k].kept, part[i].cut | part[k].cut};
+    w->sharp->parts = first + count;
+    memcpy(part + first, all, (size_t)count * sizeof *all);
 }
 
 // Adds the half-space normal·q ≤ offset.
@@ -62,7 +70,8 @@ static void add_solid(struct taker *w, const struct placed *at, const struct sha
         for (int i = 0; i < 3; i++) {
             position -= at->turn[i][k] * at->moved[i];
             p->turn[k][i] = (float)at->turn[k][i];
-            p->turned = p->turned || at->turn[k][i] != (double)(i == k);
+            p->turned =
+                p->turned || (shape->type != SHAPE_SPHERE && at->turn[k][i] != (double)(i == k));
         }
         p->position[k] = (float)position;
     }
@@ -78,42 +87,21 @@ static bool is_beside(const struct node *nodes, int index, int axis) {
     return node->operation != NODE_SHAPE;
 }
 
-// Returns whether the node's solid lies within its first leaf's.
-static bool is_within_first(const struct node *nodes, int index) {
-    const struct node *node = &nodes[index];
-    if (node->mirror[0] || node->mirror[1] || node->mirror[2])
-        return false;
-    return node->operation == NODE_SHAPE ||
-           ((node->operation != NODE_UNION || node->children == 1) &&
-            is_within_first(nodes, index + 1));
-}
-
 static void take_node(struct taker *w, int index, struct placed at, bool removes);
 
 static void take_inside(struct taker *w, int index, const struct placed *at, bool removes) {
     const struct node *node = &w->nodes[index];
-    int first_leaf = w->sharp->leaves, rest = first_leaf;
+    int first = w->sharp->parts;
     if (node->shape.type == SHAPE_PLANE)
         add_plane(w, at, node->shape.plane.normal, node->shape.plane.offset, removes);
     else if (node->operation == NODE_SHAPE)
         add_solid(w, at, &node->shape, removes);
     for (int i = index + 1; i < node->end && w->fits; i = w->nodes[i].end) {
-        bool first = i == index + 1, away = node->operation == NODE_DIFFERENCE && !first;
-        int leaf = w->sharp->leaves;
-        take_node(w, i, *at, removes != away);
-        if (node->operation == NODE_INTERSECTION && !first && w->fits)
-            w->sharp->holds[leaf] = is_within_first(w->nodes, i);
-        rest = first ? w->sharp->leaves : rest;
-        if (!first)
-            write_op(w, away                                   ? SHARP_WITHOUT
-                        : node->operation == NODE_INTERSECTION ? SHARP_AND
-                                                               : SHARP_OR);
+        int second = w->sharp->parts;
+        take_node(w, i, *at, removes != (node->operation == NODE_DIFFERENCE && i != index + 1));
+        if (second > first && removes == (node->operation == NODE_UNION))
+            intersect_parts(w, first, second);
     }
-    bool narrows = node->operation == NODE_INTERSECTION || node->operation == NODE_DIFFERENCE;
-    narrows = narrows && is_within_first(w->nodes, index + 1);
-    for (int i = rest; i < w->sharp->leaves && narrows; i++)
-        if (w->sharp->guard[i] < 0)
-            w->sharp->guard[i] = (signed char)first_leaf;
 }
 
 // Returns whether a leaf of this type is convex and known to hit/sharp.c.
@@ -138,7 +126,8 @@ static void take_node(struct taker *w, int index, struct placed at, bool removes
             for (int j = 0; j < 3; j++)
                 to.turn[i][j] += turn[i][k] * at.turn[k][j];
         }
-    int images = 1 << (node->mirror[0] + node->mirror[1] + node->mirror[2]);
+    int first = w->sharp->parts,
+        images = 1 << (node->mirror[0] + node->mirror[1] + node->mirror[2]);
     for (int image = 0; image < images && w->fits; image++) {
         struct placed seen = to;
         int bit = 0;
@@ -149,21 +138,24 @@ static void take_node(struct taker *w, int index, struct placed at, bool removes
             for (int j = 0; j < 3; j++)
                 seen.turn[axis][j] *= back ? -1 : 1;
         }
+        int second = w->sharp->parts;
         take_inside(w, index, &seen, removes);
         for (int axis = 0; axis < 3 && w->fits; axis++)
             if (node->mirror[axis] && !is_beside(w->nodes, index, axis)) {
                 double normal[3] = {-(axis == 0), -(axis == 1), -(axis == 2)};
+                int plane = w->sharp->parts;
                 add_plane(w, &seen, normal, 0, removes);
-                write_op(w, SHARP_AND);
+                if (!removes)
+                    intersect_parts(w, second, plane);
             }
-        if (image > 0)
-            write_op(w, SHARP_OR);
+        if (image > 0 && removes)
+            intersect_parts(w, first, second);
     }
 }
 
 bool take_sharp(struct sharp *sharp, const struct shape *group, const float centre[3]) {
     struct taker w = {group->group.nodes, sharp, true};
-    sharp->leaves = sharp->steps = 0;
+    sharp->leaves = sharp->parts = 0;
     struct placed at = {.turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                         .moved = {(double)centre[0], (double)centre[1], (double)centre[2]}};
     take_node(&w, group->group.root, at, false);

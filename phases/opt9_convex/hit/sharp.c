@@ -9,31 +9,34 @@ struct span {
     vmask met;
 };
 
-// Where a ray enters the cylinder if it does so between the ends, else the half ball there. a, b, root: of the cylinder's
-// quadratic.
-static vmask capsule_end(struct vec c, struct vec d, vfloat a, vfloat b, vfloat root,
+// Where a ray enters the capsule: at `side`, where it enters the cylinder, if that is between the ends; else in the half
+// ball there.
+static vmask capsule_end(struct vec c, struct vec d, vfloat side, vmask near,
                          const struct primitive *s, vfloat *t) {
-    vfloat zero = v_splat(0.0f), high = v_splat(s->c);
-    vfloat side = (zero - b - root) / a, y = v_madd(side, d.y, c.y);
+    vfloat zero = v_splat(0.0f), high = v_splat(s->c), y = v_madd(side, d.y, c.y);
+    vmask between = v_cmp_le(v_abs(y), high);
+    *t = side;
+    if (!v_any(v_andnot(between, near)))
+        return near;
     c.y = c.y - v_min(v_max(y, zero - high), high);
     vfloat along = vec_dot(c, d), power = vec_dot(c, c) - v_splat(s->a * s->a);
     vfloat in_ball = v_msub(along, along, power);
-    vmask between = v_cmp_le(v_abs(y), high);
     *t = v_select(between, side, zero - along - v_sqrt(v_max(in_ball, zero)));
-    return v_or(between, v_cmp_ge(in_ball, zero));
+    return v_and(near, v_or(between, v_cmp_ge(in_ball, zero)));
 }
 
-static vmask pass_capsule(struct vec c, struct vec d, struct vec back, const struct primitive *s,
-                          vfloat *in, vfloat *back_in) {
+static vmask pass_capsule(struct vec c, struct vec d, struct vec back, vmask near,
+                          const struct primitive *s, vfloat *in, vfloat *back_in) {
     vfloat a = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f)), zero = v_splat(0.0f);
     vfloat b = v_madd(c.x, d.x, c.z * d.z);
     vfloat away = v_madd(c.x, c.x, v_msub(c.z, c.z, v_splat(s->a * s->a)));
     vfloat inside = v_msub(b, b, a * away), root = v_sqrt(v_max(inside, zero));
-    vmask met = v_cmp_ge(inside, zero);
+    vmask met = v_and(near, v_cmp_ge(inside, zero));
     if (!v_any(met))
         return met;
-    met = v_and(met, capsule_end(c, d, a, b, root, s, in));
-    return v_and(met, capsule_end(c, back, a, zero - b, root, s, back_in));
+    vfloat per = v_splat(1.0f) / a;
+    met = capsule_end(c, d, (zero - b - root) * per, met, s, in);
+    return capsule_end(c, back, (b - root) * per, met, s, back_in);
 }
 
 // Sets where a ray enters the leaf, and minus where it leaves it: where it enters it backward. Both are counted from c.
@@ -46,21 +49,23 @@ static vmask pass_leaf(struct vec c, struct vec d, vfloat half, const struct pri
     }
     if (s->type == SHAPE_BOX) {
         *in = zero - out;
-        slab(c.x, inverse_of(d.x), s->size[0], in, &out);
-        slab(c.y, inverse_of(d.y), s->size[1], in, &out);
-        slab(c.z, inverse_of(d.z), s->size[2], in, &out);
+        struct vec per = inverses_of(d);
+        slab(c.x, per.x, s->size[0], in, &out);
+        slab(c.y, per.y, s->size[1], in, &out);
+        slab(c.z, per.z, s->size[2], in, &out);
         *back_in = zero - out;
         return v_and(near, v_cmp_ge(out, *in));
     }
     struct vec back = {zero - d.x, zero - d.y, zero - d.z};
     if ((int)s->type == SHAPE_CAPSULE)
-        return v_and(near, pass_capsule(c, d, back, s, in, back_in));
+        return pass_capsule(c, d, back, near, s, in, back_in);
     vfloat far = v_splat(INFINITY);
     near = enter_nearby(c, d, far, far, NULL, s, near, in);
     return enter_nearby(c, back, far, far, NULL, s, near, back_in);
 }
 
-static struct span span_of(const struct primitive *s, struct vec o, struct vec d, vmask active) {
+__attribute__((always_inline)) static inline struct span
+span_of(const struct primitive *s, struct vec o, struct vec d, vmask active) {
     vfloat zero = v_splat(0.0f), infinite = v_splat(INFINITY);
     struct span span = {zero - infinite, infinite, active};
     if (s->type == SHAPE_PLANE) {
@@ -70,8 +75,7 @@ static struct span span_of(const struct primitive *s, struct vec o, struct vec d
         span.out = v_select(down, infinite, t);
         return span;
     }
-    o = to_local(s, o);
-    d = turned(s, d);
+    o = vec_sub(o, vec_set(s->position));
     vfloat before = zero - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
     vfloat square = vec_dot(c, c);
@@ -79,67 +83,71 @@ static struct span span_of(const struct primitive *s, struct vec o, struct vec d
     if (!v_any(span.met))
         return span;
     vfloat half = v_sqrt(v_max(v_splat(s->bound_sq) - square, zero)), in = zero, out = zero;
-    span.met = pass_leaf(c, d, half, s, span.met, &in, &out);
+    span.met = pass_leaf(turned(s, c), turned(s, d), half, s, span.met, &in, &out);
     span.in = before + in;
     span.out = before - out;
     return span;
 }
 
-// Returns which rays are inside of the group behind t, where they come to leaf i.
-static vmask inside_behind(const struct sharp *sharp, const struct span *span, vfloat t, int i) {
-    vmask stack[SHARP_LEAVES];
-    int top = 0;
-    for (int k = 0; k < sharp->steps; k++) {
-        int step = sharp->step[k];
-        if (step < 0) {
-            vmask last = stack[--top], *to = &stack[top - 1];
-            *to = step == SHARP_AND  ? v_and(*to, last)
-                  : step == SHARP_OR ? v_or(*to, last)
-                                     : v_andnot(last, *to);
-        } else if (step == i)
-            stack[top++] = sharp->removes[i] ? v_mask_none() : v_mask_all();
-        else
-            stack[top++] = v_and(span[step].met,
-                                 v_and(v_cmp_le(span[step].in, t), v_cmp_lt(t, span[step].out)));
-    }
-    return stack[0];
+// The spans of leaves along a packet of rays, as they are asked for.
+struct spans {
+    struct vec o, d;
+    vmask active;
+    unsigned known; // bits of leaves
+    struct span leaf[SHARP_LEAVES];
+};
+
+__attribute__((always_inline)) static inline const struct span *
+span_at(struct spans *all, const struct sharp *sharp, int i) {
+    if (!(all->known >> i & 1))
+        all->leaf[i] = span_of(&sharp->leaf[i], all->o, all->d, all->active);
+    all->known |= 1u << i;
+    return &all->leaf[i];
 }
 
-vmask sharp_near(const struct sharp *sharp, struct vec p, vmask points) {
-    vmask near = v_mask_none();
-    for (int i = 0; i < sharp->leaves; i++) {
-        const struct primitive *s = &sharp->leaf[i];
-        struct vec to = vec_sub(p, vec_set(s->position));
-        if (s->type == SHAPE_PLANE)
-            return points;
-        if (sharp->guard[i] < 0)
-            near = v_or(near, v_cmp_lt(vec_dot(to, to), v_splat(s->bound_sq)));
+// Returns which rays are in the part between near and far, and sets t to the first place.
+static vmask enter_part(struct spans *all, const struct sharp *sharp, const struct sharp_part *part,
+                        vfloat near, vfloat far, vfloat *t) {
+    vmask active = all->active;
+    for (unsigned rest = part->kept; rest; rest &= rest - 1) {
+        const struct span *s = span_at(all, sharp, __builtin_ctz(rest));
+        near = v_max(near, s->in);
+        far = v_min(far, s->out);
+        active = v_and(active, v_and(s->met, v_cmp_lt(near, far)));
+        if (!v_any(active))
+            return active;
     }
-    return v_and(near, points);
+    unsigned cuts = 0;
+    for (unsigned rest = part->cut; rest; rest &= rest - 1)
+        if (v_any(span_at(all, sharp, __builtin_ctz(rest))->met))
+            cuts |= rest & -rest;
+    for (vmask moved = active;
+         v_any(moved);) { // a ray that has left a convex leaf is never in it again
+        vmask last = moved;
+        moved = v_mask_none();
+        for (unsigned rest = cuts; rest; rest &= rest - 1) {
+            const struct span *s = &all->leaf[__builtin_ctz(rest)];
+            vmask in = v_and(s->met, v_and(v_cmp_le(s->in, near), v_cmp_lt(near, s->out)));
+            in = v_and(in, last);
+            near = v_select(in, s->out, near);
+            moved = v_or(moved, in);
+        }
+    }
+    *t = near;
+    return v_and(active, v_cmp_lt(near, far));
 }
 
 vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat near,
                   vfloat far, vfloat *t) {
-    struct span span[SHARP_LEAVES];
-    for (int i = 0; i < sharp->leaves; i++) {
-        vmask use = sharp->guard[i] < 0 ? active : span[sharp->guard[i]].met;
-        span[i].met = v_mask_none();
-        if (v_any(use))
-            span[i] = span_of(&sharp->leaf[i], o, d, use);
-    }
+    struct spans all;
+    all.o = o, all.d = d, all.active = active, all.known = 0;
     vmask found = v_mask_none();
-    vfloat first = far;
-    for (int i = 0; i < sharp->leaves; i++) {
-        if (!v_any(span[i].met))
-            continue;
-        vfloat at = sharp->removes[i] ? span[i].out : span[i].in;
-        vmask may = v_and(span[i].met, v_and(v_cmp_ge(at, near), v_cmp_lt(at, first)));
-        if (!v_any(may))
-            continue;
-        may = v_and(may, inside_behind(sharp, span, at, i));
-        first = v_select(may, at, first);
-        found = v_or(found, may);
+    *t = far;
+    for (int i = 0; i < sharp->parts; i++) {
+        vfloat at = far;
+        vmask in = enter_part(&all, sharp, &sharp->part[i], near, *t, &at);
+        *t = v_select(in, at, *t);
+        found = v_or(found, in);
     }
-    *t = first;
     return found;
 }

@@ -4,21 +4,19 @@
 
 #include "core/prepared.h"
 
-enum { SHARP_LEAVES = 24, SHARP_STEPS = 4 * SHARP_LEAVES };
+enum { SHARP_LEAVES = 24, SHARP_PARTS = 32 };
 
-// Steps of an expression over the sets of rays that are inside of leaves, in postfix form: a leaf's number, or one of
-// these, which take the last two sets.
-enum { SHARP_AND = -1, SHARP_OR = -2, SHARP_WITHOUT = -3 };
+// What is in all of the leaves `kept` and in none of the leaves `cut`: bits by their numbers.
+struct sharp_part {
+    unsigned kept, cut;
+};
 
-// Leaves are solids, and half-spaces at which mirrors cut. removes: the group's surface there is where a ray leaves it.
-// guard: an earlier leaf, without which a ray has no use for this one; −1: none.
-// holds: the leaf holds all of its guard's solid that the group has.
+// A group is the union of its parts (J. Goldfeather et al., "Near real-time CSG rendering using tree normalization and
+// geometric pruning", IEEE Computer Graphics and Applications 9 (3), 1989). Leaves are convex solids, and half-spaces at which
+// mirrors cut.
 struct sharp {
-    int leaves, steps;
+    int leaves, parts;
     struct primitive leaf[SHARP_LEAVES];
     const struct shape *shape[SHARP_LEAVES]; // of the model; NULL: a half-space
-    bool removes[SHARP_LEAVES];
-    signed char guard[SHARP_LEAVES];
-    bool holds[SHARP_LEAVES];
-    signed char step[SHARP_STEPS];
+    struct sharp_part part[SHARP_PARTS];
 };

@@ -135,11 +135,10 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t);
 
-// hit/sharp.c. Returns which rays come to the surface of a sharp group between `from` and `to`, from outside, and sets t.
+// hit/sharp.c. Returns which rays come to the surface of a sharp group between `from` and `to`, and sets t. A ray that begins
+// inside comes to it there.
 vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat from,
                   vfloat to, vfloat *t);
-// Returns which of the points may be inside of a sharp group.
-vmask sharp_near(const struct sharp *sharp, struct vec p, vmask points);
 
 static inline struct vec shared_inverses(struct vec d, const struct vec *known) {
     if (known)

@@ -36,11 +36,11 @@ INLINE void block_light(int i, const struct light_segment *w, const struct tile_
         vmask within;
         blocked = enter(o, d, s, tested, &t, &at, &within);
         blocked = v_and(blocked, v_cmp_lt(t, w->reach));
-        if (!s->convex)
+        if (IS_GROUP(s)) // a ray that begins inside has entered it there
+            blocked = v_or(blocked, within);
+        else if (!s->convex)
             within = v_and(tested, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
         within = v_andnot(blocked, within);
-        if (IS_GROUP(s) && s->sharp)
-            within = sharp_near(s->sharp, o, within);
         if (v_any(within)) {
             blocked =
                 v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));

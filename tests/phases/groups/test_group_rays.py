@@ -116,6 +116,28 @@ def test_cuts_mirrors_and_half_spaces_meet_rays_as_their_field_does(width: str, 
     check("opt9_convex", over_floor("hard", CUT), tmp_path, 50, width)
 
 
+def lens(**keys: Any) -> dict:
+    ball = solid("sphere", radius=0.7, position=[0.3, 0, 0])
+    return group("intersection", ball, solid("box", half_size=[0.5, 0.9, 0.5]), **keys)
+
+
+# What is taken away is an intersection; two joined, one of which is cut; and images of one that their mirrors
+# cut, whose outside is more parts than a group may have: it is marched.
+TAKEN = [
+    lens(position=[0.6, 0.4, -0.8]),
+    group("union", lens(), group("difference", lens(position=[0, 0.8, 0]), solid("sphere", radius=0.6))),
+    group("union", lens(position=[0.2, 0.3, -0.8]), mirror="xyz"),
+]
+
+
+@pytest.mark.parametrize("taken", range(len(TAKEN)))
+def test_what_is_taken_away_leaves_what_its_field_does(taken: int, tmp_path: Path) -> None:
+    whole = group("union", solid("box", half_size=[1.2, 0.8, 0.9]), solid("octahedron", radius=1.7))
+    cut = group("difference", whole, TAKEN[taken], position=[0, 0, 12], rotation_degrees=[10, 30, 0])
+    check("opt9_convex", over_floor("hard", cut), tmp_path, 50)
+    check("opt11_ideal", over_floor("ideal", cut), tmp_path, 50)
+
+
 def over_floor(shadows: str, *shapes: dict) -> dict:
     scene = scene_of("csg", shadows)
     scene["materials"]["a"] = {"color": [0.5, 0.4, 0.3], "reflectivity": 0.2, "shininess": 20}
