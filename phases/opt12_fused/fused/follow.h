@@ -49,6 +49,14 @@ INLINE void hit_from_inside(int i, struct vec o, struct vec d, vmask within,
     hit->met = v_or(hit->met, inside);
 }
 
+// Returns the rays that may come into the bounding sphere of s: it holds all of it.
+INLINE vmask may_come_near(const struct primitive *s, const struct mirror_rays *rays) {
+    struct vec to = to_centre(s, rays->origin);
+    vfloat along = v_max(vec_dot(to, rays->direction), v_splat(0.0f));
+    vfloat least = vec_dot(to, to) * v_splat(1 - 0x1p-18f); // for rounding
+    return v_cmp_lt_in(rays->active, least, v_madd(along, along, v_splat(s->bound_sq)));
+}
+
 // Intersects mirror rays with solid i. Where no crevice is they start outside of it.
 #define MIRROR(i)                                                                                  \
     INLINE void mirror_to_solid_##i(const struct mirror_rays rays[ROWS], const struct fused *f,    \
@@ -57,6 +65,9 @@ INLINE void hit_from_inside(int i, struct vec o, struct vec d, vmask within,
         struct vec o[ROWS], d[ROWS];                                                               \
         vmask active[ROWS], others[ROWS], behind[ROWS];                                            \
         struct torus_hit hit[ROWS];                                                                \
+        EACH_ROW(k) active[k] = may_come_near(s, &rays[k]);                                        \
+        if (!any_of(active))                                                                       \
+            return;                                                                                \
         EACH_ROW(k) {                                                                              \
             o[k] = to_local(s, rays[k].origin);                                                    \
             d[k] = turned(s, rays[k].direction);                                                   \
