@@ -40,7 +40,7 @@ static void set_mirror(int mirror, struct fused *f) {
 static bool fused_begin(const struct job *job) {
     const struct view *view = job->view;
     struct fused *f = job->frame_memory;
-    *f = (struct fused){.stream = past_caches(job->frame)};
+    *f = (struct fused){.stream = !job->frame->shown && past_caches(job->frame)};
     if (!fused_frame_set(&scene_known, view, job->frame->width, job->frame->height, LANES,
                          &f->frame))
         return false;

@@ -24,12 +24,12 @@ struct fused {
     bool any_low, stream;
 };
 
-// A row of the picture: the part of its directions that all columns share.
+// A row of the picture: the part of its directions that all columns share, and where its pixels are stored.
 struct row {
     struct vec d;
     float up;
-    int y;
-    float *rgb;
+    int y, first;
+    float *rgb; // of column `first`
 };
 
 INLINE bool any_of(const vmask m[ROWS]) {
@@ -63,29 +63,7 @@ INLINE struct vec look_at_edges(const struct fused *f, const struct row *r, int 
     return vec_scale(d, v_madd(v_nmadd(norm, per, v_splat(1.0f)), per, per));
 }
 
-// Returns where a pixel is stored as it is displayed; NULL: it is not.
-INLINE uint8_t *shown_at(struct frame *frame, const struct row *r, int x) {
-    size_t pixel = (size_t)r->y * (size_t)frame->width + (size_t)x;
-    return frame->shown ? frame->shown + 3 * pixel : NULL;
-}
-
-// Stores a packet at the picture's right edge, or as it is displayed.
-NOINLINE void put_part(const struct row *r, int x, int count, const struct vec *color,
-                       struct frame *frame) {
-    float line[3 * LANES];
-    uint8_t *shown = shown_at(frame, r, x);
-    v_store_row(line, false, color->x, color->y, color->z);
-    if (shown)
-        frame->show(frame->presenter, line, 3 * (size_t)count, shown);
-    else
-        memcpy(r->rgb + 3 * x, line, 3 * (size_t)count * sizeof *line);
-}
-
-INLINE void put(const struct fused *f, const struct row *r, int x, struct vec color,
-                struct frame *frame) {
-    int left = f->frame.width - x;
-    if (left < LANES || frame->shown)
-        put_part(r, x, int_min(left, LANES), &color, frame);
-    else
-        v_store_row(r->rgb + 3 * x, f->stream, color.x, color.y, color.z);
+// Stores a packet. Nothing is asked here: a call that is seldom made would keep registers from living on.
+INLINE void put(const struct fused *f, const struct row *r, int x, struct vec color) {
+    v_store_row(r->rgb + 3 * (x - r->first), f->stream, color.x, color.y, color.z);
 }

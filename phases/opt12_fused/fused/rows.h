@@ -2,18 +2,12 @@
 #pragma once
 
 INLINE void background_span(const struct fused *f, const struct row r[ROWS],
-                            const struct fused_span *span, struct frame *frame) {
+                            const struct fused_span *span) {
     const double *b = scene_known.model.background;
     struct vec color = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
-    EACH_ROW(k) {
-        put(f, &r[k], span->x0, color, frame);
-        uint8_t *first = shown_at(frame, &r[k], span->x0);
-        for (int x = span->x0 + LANES; x < span->x1; x += LANES)
-            if (first && x + LANES <= span->x1)
-                memcpy(first + 3 * (x - span->x0), first, 3 * LANES);
-            else
-                put(f, &r[k], x, color, frame);
-    }
+    EACH_ROW(k)
+    for (int x = span->x0; x < span->x1; x += LANES)
+        put(f, &r[k], x, color);
 }
 
 // Whether plane i is no mirror, or its mirror rays in a span see only a black background.
@@ -26,8 +20,7 @@ INLINE bool mirrors_nothing(int i, const struct fused_span *span, const struct f
 
 // A plane alone, its light from polynomials.
 INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
-                       const struct fused_span *span, const struct smooth w[ROWS],
-                       struct frame *frame) {
+                       const struct fused_span *span, const struct smooth w[ROWS]) {
     bool dark = scene_known.model.shadows != SHADOWS_NONE && (f->low[i] || span->darkeners);
     for (int x = span->x0; x < span->x1; x += LANES) {
         struct plane_light light[ROWS];
@@ -45,7 +38,7 @@ INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
             }
             plane_shares(i, d, span->darkeners, all, light, f, share);
         }
-        EACH_ROW(k) put(f, &r[k], x, plane_color(i, &light[k], share[k], f), frame);
+        EACH_ROW(k) put(f, &r[k], x, plane_color(i, &light[k], share[k], f));
     }
 }
 
@@ -172,7 +165,7 @@ NOINLINE void mixed_packets(const struct fused *f, const struct row r[ROWS], int
         shade_hits(end, span->hits, false, span->darkeners, f, color, next);
     if (any_active(next))
         follow_from(span, next, f, color);
-    EACH_ROW(k) put(f, &r[k], x, color[k], job->frame);
+    EACH_ROW(k) put(f, &r[k], x, color[k]);
 }
 
 // A sphere, each pixel well inside of its outline.
@@ -203,15 +196,14 @@ INLINE void sphere_span(int i, const struct fused *f, const struct row r[ROWS],
         EACH_ROW(k) reflect(i, &at[k], weight[k], &next[k]);
         if (s->share > 0.0f && scene_known.model.march.max_bounces > 0)
             follow_mirror(next, f->frame.mirror[i], i, f, color);
-        EACH_ROW(k) put(f, &r[k], x, color[k], job->frame);
+        EACH_ROW(k) put(f, &r[k], x, color[k]);
     }
 }
 
 #define SPAN(i)                                                                                    \
     NOINLINE void plane_span_##i(const struct fused *f, const struct row r[ROWS],                  \
-                                 const struct fused_span *span, const struct smooth w[ROWS],       \
-                                 struct frame *frame) {                                            \
-        plane_span(i, f, r, span, w, frame);                                                       \
+                                 const struct fused_span *span, const struct smooth w[ROWS]) {     \
+        plane_span(i, f, r, span, w);                                                              \
     }                                                                                              \
     NOINLINE void set_smooth_##i(int spacing, int x0, int x1, const struct fused *f,               \
                                  const struct row *r, struct smooth *w) {                          \
@@ -227,13 +219,13 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
     for (int x = span->x0; x < span->x1 && mixed; x += LANES)
         mixed_packets(f, r, x, span, w, job);
     if (span->kind == SPAN_BACKGROUND) {
-        background_span(f, r, span, job->frame);
+        background_span(f, r, span);
         return;
     }
 #define SPAN(i)                                                                                    \
     if (span->kind == SPAN_PLANE && span->shape == (i) && w[0].plane == (i) &&                     \
         mirrors_nothing(i, span, f)) {                                                             \
-        plane_span_##i(f, r, span, w, job->frame);                                                 \
+        plane_span_##i(f, r, span, w);                                                             \
         return;                                                                                    \
     }
     EACH_PLANE(SPAN)
@@ -278,6 +270,34 @@ static int fused_tiles(const struct job *job) {
     return (job->frame->height + SPAN_BAND - 1) / SPAN_BAND;
 }
 
+// Draws a span piece by piece beside the picture and copies it there. Of a displayed background one packet is all.
+static void copy_span(const struct fused *f, struct row r[ROWS], const struct fused_span *span,
+                      struct smooth w[ROWS], const struct job *job) {
+    struct frame *frame = job->frame;
+    struct fused_span part = *span;
+    bool same = frame->shown && span->kind == SPAN_BACKGROUND;
+    for (; part.x0 < span->x1; part.x0 = part.x1) {
+        bool again = same && part.x0 > span->x0;
+        part.x1 = int_min(span->x1, part.x0 + (same ? LANES : LINE));
+        for (int k = 0; k < ROWS; k++) {
+            r[k].rgb = w[k].line;
+            r[k].first = part.x0;
+        }
+        if (!again)
+            draw_span(f, r, &part, w, job);
+        for (int k = 0; k < ROWS; k++) {
+            size_t at = 3 * ((size_t)r[k].y * (size_t)frame->width + (size_t)part.x0);
+            size_t samples = 3 * (size_t)(part.x1 - part.x0);
+            if (!frame->shown)
+                memcpy(frame->rgb + at, w[k].line, samples * sizeof(float));
+            else if (again)
+                memcpy(frame->shown + at, frame->shown + at - 3 * LANES, samples);
+            else
+                frame->show(frame->presenter, w[k].line, samples, frame->shown + at);
+        }
+    }
+}
+
 // Draws rows y and, if it is in the picture, y + 1.
 static void draw_rows(const struct fused *f, const struct fused_band *band, int y, int rows,
                       struct smooth w[ROWS], const struct job *job) {
@@ -288,7 +308,7 @@ static void draw_rows(const struct fused *f, const struct fused_band *band, int 
     for (int k = 0; k < ROWS; k++) {
         int row = y + k % rows; // a single last row is drawn twice
         float up = (float)(f->frame.height - 1 - 2 * row) * f->per;
-        r[k] = (struct row){vec_along(vec_set(f->forward), vec_set(f->up), v_splat(up)), up, row,
+        r[k] = (struct row){vec_along(vec_set(f->forward), vec_set(f->up), v_splat(up)), up, row, 0,
                             job->frame->rgb + 3 * (size_t)row * (size_t)f->frame.width};
         w[k].plane = -1;
 #define SET(i)                                                                                     \
@@ -298,7 +318,10 @@ static void draw_rows(const struct fused *f, const struct fused_band *band, int 
 #undef SET
     }
     for (int k = 0; k < count; k++)
-        draw_span(f, r, &spans[k], w, job);
+        if (job->frame->shown || spans[k].x1 % LANES) // as a picture's right edge may be
+            copy_span(f, r, &spans[k], w, job);
+        else
+            draw_span(f, r, &spans[k], w, job);
 }
 
 static void fused_tile(const struct job *job, int tile, void *memory) {

@@ -2,7 +2,7 @@
 // (spans/, PROOFS.md).
 #pragma once
 
-enum { PIECES = 128, DEGREE = 5, NODES = DEGREE + 1, BEFORE = 2 };
+enum { PIECES = 128, DEGREE = 5, NODES = DEGREE + 1, BEFORE = 2, LINE = 256 };
 
 // DIFFUSE: light by the facing of the plane, with the highlight of a plane of one grey; FOGGED: what is left of a colour.
 enum channel { DIFFUSE, SPECULAR, FOGGED, FACING, CHANNELS };
@@ -11,6 +11,7 @@ enum channel { DIFFUSE, SPECULAR, FOGGED, FACING, CHANNELS };
 struct smooth {
     int plane, spacing, first; // spacing 0: none; first: the first piece's number in the row
     float of[CHANNELS][NODES][PIECES];
+    float line[3 * LINE]; // pixels of the row, on their way to where they are displayed
 };
 
 INLINE bool is_grey(const struct primitive *s) {

@@ -76,3 +76,20 @@ def test_spans_draw_what_tiles_draw(
     closed = [i for i, shape in enumerate(data["shapes"]) if shape["type"] not in ("plane", "torus")]
     found = np.isin(tiles["id"], closed)
     assert found.sum() > 500 and np.array_equal(tiles["Z"][found], again["Z"][found])
+
+
+@pytest.mark.parametrize("width", [601, 608])
+def test_long_spans_are_displayed_and_end_at_an_edge(width: int, tmp_path: Path) -> None:
+    """Spans of more pixels than a row waits with, and a background at both edges, with channels too."""
+    scene, size = registry.scenes()["scene0"].path, ["-w", str(width), "-n", "45"]
+    env = os.environ | {"STEPWISE_CACHE": str(tmp_path), "STEPWISE_CC": "gcc", "STEPWISE_CC_SECONDS": "250"}
+    made = {}
+    for name, options in ("plain.exr", []), ("all.exr", ["--aov"]), ("shown.ppm", ["--display"]):
+        made[name] = tmp_path / name
+        words = [build(PHASE), scene, *size, "-o", made[name], *options]
+        subprocess.run(list(map(str, words)), env=env, check=True, capture_output=True, timeout=300)
+    plain, whole = images.read(made["plain.exr"]), images.read(made["all.exr"])
+    assert np.array_equal(images.rgb(plain), images.rgb(whole))
+    assert np.array_equal(np.isinf(whole["Z"]), whole["id"] < 0)
+    assert np.isinf(whole["Z"][0]).all()
+    assert np.array_equal(images.read_ppm(made["shown.ppm"]), images.to_display(images.rgb(plain)))
