@@ -1,5 +1,4 @@
-// Gamma and 8 bits by one table look-up and one addition per sample, exactly as the formula in double precision. With
-// AVX-512 by a polynomial, and by the table where that leaves a doubt.
+// Gamma and 8 bits by one table look-up and one addition per sample, exactly as the formula in double precision.
 // The byte is the number of the 255 thresholds that a sample reaches. The upper half of a positive float's bits
 // selects a bin, 1/128 of its start wide; the closest thresholds are 1.1 % apart, so a bin contains at most one. The
 // table word makes the addition carry out of the lower half exactly from that threshold on.

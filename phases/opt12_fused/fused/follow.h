@@ -52,9 +52,9 @@ INLINE void hit_from_inside(int i, struct vec o, struct vec d, vmask within,
 // Returns the rays that may come into the bounding sphere of s: it holds all of it.
 INLINE vmask may_come_near(const struct primitive *s, const struct mirror_rays *rays) {
     struct vec to = to_centre(s, rays->origin);
-    vfloat along = v_max(vec_dot(to, rays->direction), v_splat(0.0f));
-    vfloat least = vec_dot(to, to) * v_splat(1 - 0x1p-18f); // for rounding
-    return v_cmp_lt_in(rays->active, least, v_madd(along, along, v_splat(s->bound_sq)));
+    vfloat along = v_max(vec_dot(to, rays->direction), v_splat(0.0f)), square = vec_dot(to, to);
+    square = square * v_splat(1 - 0x1p-18f); // for rounding
+    return v_cmp_lt_in(rays->active, square, v_madd(along, along, v_splat(s->bound_sq)));
 }
 
 // Intersects mirror rays with solid i. Where no crevice is they start outside of it.

@@ -277,8 +277,9 @@ static void copy_span(const struct fused *f, struct row r[ROWS], const struct fu
     struct fused_span part = *span;
     bool same = frame->shown && span->kind == SPAN_BACKGROUND;
     for (; part.x0 < span->x1; part.x0 = part.x1) {
-        bool again = same && part.x0 > span->x0;
-        part.x1 = int_min(span->x1, part.x0 + (same ? LANES : LINE));
+        bool again = same && part.x0 > span->x0; // as all of the span so far
+        int step = !same ? LINE : again ? part.x0 - span->x0 : LANES;
+        part.x1 = int_min(span->x1, part.x0 + step);
         for (int k = 0; k < ROWS; k++) {
             r[k].rgb = w[k].line;
             r[k].first = part.x0;
@@ -291,7 +292,7 @@ static void copy_span(const struct fused *f, struct row r[ROWS], const struct fu
             if (!frame->shown)
                 memcpy(frame->rgb + at, w[k].line, samples * sizeof(float));
             else if (again)
-                memcpy(frame->shown + at, frame->shown + at - 3 * LANES, samples);
+                memcpy(frame->shown + at, frame->shown + at - 3 * step, samples);
             else
                 frame->show(frame->presenter, w[k].line, samples, frame->shown + at);
         }

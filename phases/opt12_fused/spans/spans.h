@@ -12,7 +12,7 @@
 
 struct view; // phase.h
 
-enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 32, SPAN_MOST = 129 };
+enum { SPAN_SHAPES = 16, SPAN_DARK = 64, SPAN_BAND = 16, SPAN_MOST = 129 };
 enum { SPAN_SIDES = 24, SPAN_ITEMS = 96, SPAN_GROUPS = 1024, SPAN_GUARDS = 2 };
 
 enum span_kind {
