@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from study.core import provenance, show
+from study.core.registry import ROOT
 from study.experiments.section import Section
 from study.numbers.analysis import Data
 from study.report import front_page
@@ -23,7 +24,7 @@ class Claim(NamedTuple):
 
 CLAIMS = (
     Claim("It builds and draws", "make demo", 1, found="a picture by two phases, and the error between them"),
-    Claim("Every step is timed against baseline, with its error", "make sweep", 5, "ladder"),
+    Claim("Every step is timed against baseline, with its error", "make sweep", 3, "ladder"),
     Claim("Pictures are baseline's, within declared tolerances", "make verify", 2, "verification"),
     Claim("Errors to the exact picture are known, and declared", "make accuracy", 4, "accuracy"),
     Claim(
@@ -56,5 +57,7 @@ def block(data: Data, sections: Sequence[Section]) -> str:
         for one in CLAIMS
     ]
     table = front_page.markdown(["claim", "command", "minutes", "what a run found"], lines)
-    note = f"Run `{data.path.name}`: {show.inert(provenance.place(data.context))}."
+    path = data.path.resolve()
+    run = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path.name
+    note = f"Run `{run}`: {show.inert(provenance.place(data.context))}."
     return f"{table}\n{textwrap.fill(note, 100)}\n"
