@@ -371,8 +371,7 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
 
 // Returns the distance to the nearest shape at distance t along the rays. Unless `nearest` is NULL,
 // it gets the index of that shape, the first of equals. Lanes of `done` may return anything.
-// `groups`: whether the scene has groups, a constant of each copy of the caller. Always inlined, so that
-// the march keeps its state in registers.
+// `groups`: whether the scene has some, a constant of each copy. Inlined: the march keeps its registers.
 __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *rays, vfloat t,
                                                         const struct prepared *scene, vmask done,
                                                         bool groups, vfloat *nearest) {

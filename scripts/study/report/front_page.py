@@ -36,13 +36,13 @@ def by_phase(rows: pd.DataFrame) -> dict[str, dict[str, Row]]:
 
 def limits(data: Data) -> dict[str, str]:
     """Phase -> its lowest roof on scene0 and the share that it reaches: `L1 (45 %)`. Empty where the run has
-    no counts or ceilings."""
+    no counts or ceilings. A share above 1: a kernel ran that does less than the code that was counted."""
     counted, ceilings, _ = roof.read(data.path, strict=False)
     points = roof.headline(roof.points(data, counted, ceilings))
     return {
         one.phase: f"{one.least_bound} ({100 * one.share_of_least_roof:.0f} %)"
         for one in points
-        if one.scene == SCENES[0] and one.least_bound
+        if one.scene == SCENES[0] and one.least_bound and one.share_of_least_roof <= 1
     }
 
 
@@ -148,7 +148,7 @@ def ladder_block(data: Data, rows: pd.DataFrame, exact: pd.DataFrame | None = No
         "exact arithmetic, where the run lacks that); above 50 dB a few pixels at edges "
         f"decide, so levels differ with the size.{borrowed} Lowest roof: of the roofline model on scene0, "
         "and the share of it that the phase reaches (L1: traffic of the first-level cache; divider: "
-        "quotients and roots)."
+        "quotients and roots; –: the kernel that ran does less than the code that was counted)."
         + " “To ours”: between the displayed pictures of both." * ratios
         + " Without shadows: on both scenes without shadows and mirrors, beside our fastest phase there."
         * bool(others)
