@@ -27,7 +27,7 @@ TOLD = {
 } | run.GENERAL
 SMALL = (61, 23)  # pixels: a row is no whole number of packets, and a plane no whole number of cache lines
 BEGIN = re.compile(r"ERROR: AddressSanitizer|runtime error:|^AddressSanitizer:|hard rss limit", re.MULTILINE)
-FOREIGN = re.compile(r"\((?:/|build/)| \.\./")  # frames of libraries
+FOREIGN = re.compile(r"^ +#.*(?:\((?:/|build/)| \.\./)")  # frames of libraries
 PLACE = re.compile(r"((?:phases|systems|build/[\w@+]+/source)/[\w./]+\.[ch]:\d+)")
 ADVICE = {  # by the first pattern that their text has: the key of a hint, and the hint
     "room": (

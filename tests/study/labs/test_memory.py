@@ -32,9 +32,12 @@ SEGV = (
 UNDEFINED = (
     "phases/mine/sdf.h:88:12: runtime error: index 6 out of bounds for type 'double [6]'\n    #0 0x1 in f\n"
 )
-LARGE = (
-    "==1==ERROR: AddressSanitizer: requested allocation size 0x10 exceeds maximum (allocation-size-too-big)\n"
-)
+LARGE = """\
+==1==ERROR: AddressSanitizer: requested allocation size 0x10 exceeds maximum supported size (thread T0)
+    #0 0x1 in malloc ../src/asan_malloc_linux.cpp:69
+    #1 0x1 in phase_prepare phases/mine/render.c:18
+SUMMARY: AddressSanitizer: allocation-size-too-big ../src/asan_malloc_linux.cpp:69 in malloc
+"""
 GROWN = "==9==AddressSanitizer: hard rss limit exhausted (4096Mb vs 4100Mb)\n"
 
 
