@@ -13,6 +13,7 @@ from pathlib import Path
 
 from study.core import patches, registry, temporary
 from study.core.cli import Outcome, StudyError
+from study.labs.lab import labs, measuring
 
 TAKEN = """accuracy asan calibration ceilings clang common emulated frames functions
 hard-fma judge labs leaderboard pdf sandbox scaling systems test-opinions test-results test-scenes tests
@@ -119,17 +120,29 @@ def rounding(root: Path) -> dict[str, object]:
     return dict(patches.about(ROUNDED, root)["tolerance"]["truth"])
 
 
-def following(name: str, parent: str, whole: bool) -> list[str]:
-    """What is said of the new phase: what it is, and the commands of docs/tutorial.md in their order."""
+def following(name: str, source: str, whole: bool) -> list[str]:
+    """What is said of the new phase: what it is, and the commands of docs/tutorial.md in their order. Of an
+    ablation, its lab's: they compare with the ablation."""
+    parent = source.partition("+")[0]
     beside = patches.folder(parent).relative_to(registry.ROOT)
     folder = str(beside.parent / name) if len(beside.parts) > 1 else f"phases/{name}"
+    if source != parent:
+        lab = next((one for one in labs().values() if one.start == source), None)
+        line = measuring(lab, name) if lab else f'make try NAME={name} ARGS="--against {source}"'
+        return [
+            f"{folder} is {source}. Edit its {', '.join(sources(source, registry.ROOT, False))}. Next:",
+            f"  {line}",
+            *([f"  make judge LAB={lab.number} NAME={name}"] if lab else []),
+            f"  make verify PHASE={name} N=90",
+            *([f"docs/labs/{lab.page} says what to do."] if lab else []),
+        ]
     lines = [f"{folder} {'is a copy of' if whole else 'derives from'} {beside}. Next:"]
     if not whole:
         tree = patches.files(parent)
         file = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
-        source, into = tree[file].relative_to(registry.ROOT), str(Path(folder, file).parent)
+        copied, into = tree[file].relative_to(registry.ROOT), str(Path(folder, file).parent)
         made = "" if into == folder else f"mkdir -p {into} && "
-        lines.append(f"  {made}cp {source} {into}/   # or another file that you want to change; edit it")
+        lines.append(f"  {made}cp {copied} {into}/   # or another file that you want to change; edit it")
     return [
         *lines,
         f"  make try NAME={name}                # beside {parent}: speed, error, work; WATCH=1: at each save",
@@ -152,4 +165,4 @@ def run(args: argparse.Namespace) -> Outcome:
     folder = create(args.name, args.parent, whole=args.whole).relative_to(registry.ROOT)
     parent = args.parent.partition("+")[0]
     result = {"phase": args.name, "parent": parent, "folder": folder}
-    return Outcome(result, following(args.name, parent, args.whole))
+    return Outcome(result, following(args.name, args.parent, args.whole))

@@ -7,7 +7,7 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.counting import flops
-from study.counting.schema import Declared
+from study.counting.schema import Declared, Function
 from study.numbers import stats
 from study.numbers.accuracy import Row
 from study.numbers.stats import Interval
@@ -43,6 +43,7 @@ POLL = 0.5  # s between two looks at the files
 CHANGED = 0.001  # of calls: less is not listed
 LISTED = 12  # functions
 PACKETS = "packet_distance"  # of phases with packets of rays: the distance of a packet to a shape
+IN_GROUPS = "group_shape"  # the same, of a shape in a group
 DOUBT = ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
 
 
@@ -184,6 +185,13 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bo
     return found, bool(metrics["identical"]), drawn
 
 
+def shape_evaluations(by_function: Mapping[str, Function]) -> float:
+    """Of all rays, lane by lane; NaN where nothing of these is counted."""
+    lanes = {name: one.lanes for name, one in by_function.items()}
+    single = lanes[PACKETS] if PACKETS in lanes else work.evaluations(by_function)
+    return single + lanes.get(IN_GROUPS, 0)
+
+
 def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
     """Function, calls by the parent and by the phase, where they differ; the largest difference first."""
     old, new = ({name: one.calls for name, one in c.by_function.items()} for c in (parent, mine))
@@ -211,8 +219,7 @@ def compared(args: argparse.Namespace) -> Compared:
             machine = counts_of.flops.machine if counts_of.flops else None
             calls_of = {name: one.calls for name, one in counts_of.by_function.items()}
             side = replace(side, flops=machine, parts=parts, calls=calls_of)
-            one = counts_of.by_function.get(PACKETS)
-            shapes = one.lanes if one else work.evaluations(counts_of.by_function)
+            shapes = shape_evaluations(counts_of.by_function)
             side = replace(
                 side, shape_evaluations=shapes / found[spec].truth.width / found[spec].truth.height
             )

@@ -26,8 +26,8 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
 
 and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
-A patch of docs/labs/starts/NAME or docs/labs/solutions/NAME is named and built alike, but is no ablation: no
-suite of theirs times it.
+A patch of docs/labs/starts/NAME, or of solutions or mistakes there, is named and built alike, but is no
+ablation: no suite of theirs times it.
 
 Run as a program, by make: `patches.py NAME FOLDER` or `patches.py NAME+TITLE FOLDER` writes the tree.
 Standard library only: it runs before anything is installed.

@@ -12,20 +12,35 @@ from study.core import json_files, registry, store
 from study.core.cli import StudyError
 
 TEMPLATE = "answers.json"
+ROUNDED = 0.000501  # what three digits behind the point lose
 
 
 @dataclass(frozen=True)
 class Question:
-    """`word`: the right one of `words`. `number`: the right one, to the share `within`. None: not asked for.
-    `hint`: the key of a wrong number's hint; without it the name. `files`: what the student gets, by name."""
+    """`word`: the right one of `words`. `number`: the right one, to the share `within` of its distance from
+    `about`, or to ROUNDED where `about` is not 0. None: not asked for. `hint`: the key of a wrong number's
+    hint; without it the name. `files`: what the student gets, by name."""
 
     name: str
     words: Sequence[str] = ()
     word: str | None = None
     number: float | None = None
     within: float = 0.02
+    about: float = 0.0
     hint: str = ""
     files: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    def holds(self, number: float | None) -> bool:
+        """Whether it is near enough to the right one; not if it is NaN."""
+        if number is None or self.number is None:
+            return False
+        least = ROUNDED if self.about else 0.0
+        return abs(number - self.number) <= max(self.within * abs(self.number - self.about), least)
+
+    @property
+    def precision(self) -> str:
+        share = f"{100 * self.within:g} %"
+        return f"{share} of its distance from {self.about:g}" if self.about else share
 
 
 class Answer(msgspec.Struct, forbid_unknown_fields=True):
@@ -91,14 +106,12 @@ def judged(asked: Sequence[Question], answers: dict[str, Answer]) -> list[Judged
     made = []
     for one in asked:
         answer, fails = answers.get(one.name, Answer()), ""
-        said = f"{one.name}: the number to {100 * one.within:g} %" if one.number is not None else one.name
+        said = f"{one.name}: the number to {one.precision}" if one.number is not None else one.name
         if one.word is not None and answer.word != one.word:
             fails, said = "word", f"{one.name}: the word" + (" is missing" if answer.word is None else "")
-        elif one.number is not None:
-            off = abs((answer.number or 0) - one.number)
-            if answer.number is None or not off <= one.within * abs(one.number):
-                fails = one.hint or one.name
-                said = f"{one.name}: {'the word is right, ' if one.word else ''}the number is over "
-                said += f"{100 * one.within:g} % off"
+        elif one.number is not None and not one.holds(answer.number):
+            fails = one.hint or one.name
+            said = f"{one.name}: {'the word is right, ' if one.word else ''}the number is over "
+            said += f"{one.precision} off"
         made.append(Judged(one.name, fails, said))
     return made

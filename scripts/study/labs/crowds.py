@@ -1,12 +1,13 @@
-"""Scenes of thousands of shapes for labs, drawn by a student's number: kinds and places in random order."""
+"""Scenes of many shapes for labs, drawn by a student's number: kinds and places at random; a molecule."""
 
 import random
 from collections.abc import Sequence
 from typing import Any
 
-from study.core import registry, store
+from study.core import generated_scenes, registry, store
 from study.core.registry import Scene
 
+MOLECULE = "molecule"  # of so many blended spheres, without shadows
 LIKE = "crowd256"  # whose camera, light and materials they have
 NEAR, FAR, WIDE, HIGH = 20.0, 60.0, 0.3, 0.17  # depth in scene units; slopes that the camera sees
 SIZES, OF = (0.1, 0.3), 4096  # scene units, of so many shapes; fewer are larger, and fill as much room
@@ -27,9 +28,16 @@ def scene(kinds: Sequence[str], count: int, student: int) -> Scene:
     """Writes build/labs/scenes/KIND-COUNT-STUDENT.json and returns it. Raises StudyError."""
     like, dice = registry.find_scene(LIKE), random.Random(student)
     materials = sorted(like.data["materials"])
-    shapes = [_shape(dice.choice(kinds), (OF / count) ** (1 / 3), materials, dice) for _ in range(count)]
+    if MOLECULE in kinds:
+        data = generated_scenes.molecule(count, student)
+        data["light"]["shadows"] = "none"
+    else:
+        size = (OF / count) ** (1 / 3)
+        data = like.data | {
+            "shapes": [_shape(dice.choice(kinds), size, materials, dice) for _ in range(count)]
+        }
     name = kinds[0] if len(kinds) == 1 else "mixed"
     path = registry.ROOT / "build" / "labs" / "scenes" / f"{name}-{count}-{student}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
-    store.write_json(path, like.data | {"shapes": shapes})
+    store.write_json(path, data)
     return registry.scene_at(path)

@@ -18,6 +18,7 @@ from study.labs.answers import Question
 
 REPORTS = 5
 LAUNCHES = 12
+NO_RATIO = ("not_independent", "best_of_many")  # of all others what a ratio says beyond 1 is judged
 Rows = list[tuple[Any, ...]]
 
 
@@ -205,5 +206,9 @@ def questions(student: int) -> list[Question]:
         report, table = FAULTS[word](rng), io.StringIO()
         csv.writer(table, lineterminator="\n").writerows([report.columns, *report.rows])
         files = {f"report-{i}.txt": f"{report.text}\n", f"report-{i}.csv": table.getvalue()}
-        made.append(Question(f"report-{i}", tuple(FAULTS), word, report.number, hint=word, files=files))
+        about = 0.0 if word in NO_RATIO else 1.0
+        asked = Question(
+            f"report-{i}", tuple(FAULTS), word, report.number, about=about, hint=word, files=files
+        )
+        made.append(asked)
     return made

@@ -161,7 +161,22 @@ def test_idle_lanes_are_refused(judged, monkeypatch):
 def test_the_start_is_no_solution(judged, monkeypatch):
     monkeypatch.setattr(judge, "build", lambda spec: None)
     status, said = judged(5, "--phase", "opt8_streams+no_refill")
-    assert status == 1 and said.splitlines()[-1] == f"Hint: {judge.HINTS['unchanged']}"
+    line = 'make try NAME={0} SCENE=mandelbulb ARGS="--against {0}"'.format("opt8_streams+no_refill")
+    assert status == 1 and said.splitlines()[-1] == f"Hint: {judge.HINTS['unchanged'].format(line)}"
+
+
+@pytest.mark.parametrize("lab", [one for one in judge.labs().values() if not (one.answers or one.breaks)])
+def test_the_line_that_measures_is_the_page_s(lab):
+    """It names the start, where that is not the parent, and the scene."""
+    scene = registry.find_scene("trio") if lab.crowd else None  # in place of one that is made
+    line = judge.measuring(lab, "own", scene)
+    assert "own" in line and not re.search(r"mine|SCENE |\\n|#", line)
+    assert lab.scene in ("scene0", "") or lab.scene in line
+    assert not scene or "common/scenes/trio.json" in line
+    if line.startswith("make try"):
+        assert "+" not in lab.start or f'"--against {lab.start}"' in line
+    else:
+        assert lab.height and re.search(f" -n {lab.height}( |$)", line)
 
 
 @pytest.mark.slow
@@ -229,7 +244,7 @@ def test_the_course_has_every_lab_and_a_hundred_points():
     weeks = [row.split("|")[1:-1] for row in re.findall(r"^\| \d+ \|.*$", text, re.MULTILINE)]
     assert [int(row[0]) for row in weeks] == list(range(1, 14))
     given = {int(number) for row in weeks for number in re.findall(r"\[(\d+)\]", row[3])}
-    assert given == judge.labs().keys() - {14, 15}  # the project; and what a course may add
+    assert given == judge.labs().keys() - {14}  # the project
     assert sum(int(number) for row in weeks for number in re.findall(r"\d+", row[4])) == 100
 
 

@@ -117,6 +117,18 @@ def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
         assert "cp phases/opt2/march.c phases/x/" in said
 
 
+@pytest.mark.parametrize(
+    ("source", "lab"), [("opt6_wide+awake", 4), ("opt7_tiles+whole_trees", 15), ("opt6_wide+rsqrt", 0)]
+)
+def test_what_is_next_of_an_ablation_compares_with_it(source, lab):
+    """Of a lab's start by the lab's own commands, without a copy of the file that its idea stands in."""
+    said = "\n".join(new_phase.following("own", source, False))
+    tried = re.findall(r"^ *make try (.*)$", said, re.MULTILINE)
+    assert tried and all(f'"--against {source}"' in line and "NAME=own" in line for line in tried)
+    assert "cp " not in said and all(file in said for file in new_phase.sources(source, ROOT, False))
+    assert re.findall(r"make judge LAB=(\d+) NAME=own", said) == [str(lab)] * bool(lab)
+
+
 @pytest.mark.parametrize("whole", [False, True])
 def test_what_is_next_is_what_the_tutorial_does(whole):
     """The same make commands in the same order, of a phase called mine."""

@@ -33,7 +33,10 @@ def counted(spec, scene, height):
 def judged(monkeypatch, capsys):
     """Judges with a smaller scene and made-up times: status and result."""
     plain = {number: lab for number, lab in judge.labs().items() if lab.height}
-    small = {n: dataclasses.replace(lab, shapes=min(lab.shapes, SMALL), height=4) for n, lab in plain.items()}
+    small = {
+        n: dataclasses.replace(lab, shapes=min(lab.shapes, SMALL), height=lab.height if lab.also else 4)
+        for n, lab in plain.items()
+    }
 
     monkeypatch.setattr(judge, "USABLE", [0, 1])
 
@@ -69,6 +72,28 @@ def test_right_and_wrong_solutions(judged, monkeypatch, number, phase, fails):
     failing = [one["name"] for one in told["checks"] if not one["passed"]]
     assert failing[:1] == ([fails] if fails else []) and status == (1 if fails else 0)
     assert told["hint"] == (judge.labs()[number].hints[fails] if fails else None)
+
+
+PRUNING = {"no_blend": "picture", "centres_alone": "picture", "unions_alone": "csg", "sharp_alone": "work"}
+PRUNING |= {"slope_one": "twisted", "twists_too": "twisted"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", ["", *PRUNING])
+def test_pruning_is_judged_on_three_scenes(judged, monkeypatch, mistake):
+    """One mistake has every bit and evaluates as many shapes as the start; the others lose a child that
+    matters. The right one needs 37 % of the start's evaluations."""
+    fails = PRUNING.get(mistake)
+    if fails not in (None, "work"):
+        monkeypatch.setattr(try_, "counted", lambda *_: None)
+    status, told = judged(15, "--phase", f"opt7_tiles+{mistake}".rstrip("+"))
+    failing = [one["name"] for one in told["checks"] if not one["passed"]]
+    assert failing[:1] == ([fails] if fails else []) and status == (1 if fails else 0)
+    assert told["hint"] == (judge.labs()[15].hints[fails] if fails else None)
+
+
+def test_every_mistake_is_judged():
+    assert {path.stem for path in (ROOT / "docs" / "labs" / "mistakes").rglob("*.patch")} == PRUNING.keys()
 
 
 @pytest.mark.parametrize(("now", "passed"), [(599, True), (601, False), (None, True)])
@@ -145,6 +170,12 @@ def test_a_crowd_is_the_student_s_own():
         for count in (64, SMALL)
     ]
     assert radii[0] > 2 * radii[1]
+
+
+def test_a_molecule_is_one_group():
+    made = [crowds.scene(["molecule"], 50, student) for student in (1, 2)]
+    assert made[0].data == crowds.scene(["molecule"], 50, 1).data != made[1].data
+    assert [len(shape["shapes"]) for shape in made[0].data["shapes"]] == [50]
 
 
 def test_where_the_scene_is_is_said(judged):

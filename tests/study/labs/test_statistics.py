@@ -61,8 +61,24 @@ def test_a_key_is_what_the_samples_say(word):
             assert number(word, pd.read_csv(io.StringIO(table))) == pytest.approx(one.number, rel=1e-9)
             pattern = {"not_independent": r"± ([\d.]+)", "best_of_many": r"p = ([\d.]+)"}
             (claim,) = re.findall(pattern.get(word, r"([\d.]+)×"), text)
-            assert (abs(float(claim) / one.number - 1) < one.within) == (word == "sound")
+            assert one.holds(float(claim)) == (word == "sound")
     assert seen > 5
+
+
+def test_a_ratio_is_judged_by_what_it_says_beyond_one():
+    """Three digits are enough; 3 % off of what it gains are wrong, and “no gain” where it gains."""
+    near = 0
+    for student in STUDENTS:
+        for one in answers.questions("statistics.questions", student):
+            if one.word in statistics.NO_RATIO:
+                assert one.holds(one.number * 1.019) and not one.holds(one.number * 1.021)
+                continue
+            gain = one.number - 1
+            assert one.holds(round(one.number, 3)) and one.holds(1 + 1.019 * gain)
+            if abs(gain) > 0.02:
+                near += abs(gain) < 0.1
+                assert not one.holds(1 + 1.03 * gain) and not one.holds(1 + 0.97 * gain) and not one.holds(1)
+    assert near > 5
 
 
 def test_each_student_has_five_kinds_and_other_numbers():

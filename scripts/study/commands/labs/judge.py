@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from study.commands import try_
-from study.core import cli, json_files, patches, registry, show, store
+from study.core import cli, patches, registry, show, store
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.host import sandbox
@@ -25,13 +25,14 @@ from study.core.registry import Scene, Spec
 from study.core.run import USABLE
 from study.core.run import render as run_driver
 from study.counting import cachegrind
+from study.counting.schema import Declared
 from study.labs import answers, crowds, memory
+from study.labs.lab import Lab, labs, measuring
 from study.numbers import stats
 from study.numbers.stats import Interval
 from study.pictures import images
 from study.pictures.gallery import Gallery
 
-FILE = registry.ROOT / "docs" / "labs" / "labs.json"
 BASE = Spec("baseline", "baseline")
 DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views that a process draws before the one whose bits are compared
@@ -43,48 +44,9 @@ LADDER = re.compile(r"baseline|opt\d+(_[a-z]+)?")  # the house's own phases, whi
 HINTS = {
     "start": "Hand in a phase of your own. Phases made from others are not judged, nor the ladder's:"
     " baseline, and names like opt4 and opt4_mine.",
-    "unchanged": "It is the start as it was. `make try NAME=mine` tells after each change what it gained.",
+    "unchanged": "It is the start as it was. Its page's line tells after each change what it gained: {}",
     "views": "A frame may keep nothing of another: what is kept must hang on the scene alone.",
 } | {kind: advice for kind, (_, advice) in memory.ADVICE.items()}
-
-
-@dataclass(frozen=True)
-class Lab:
-    """An entry of labs.json.
-
-    Of a lab that asks for a phase: `speedup` over `start` on `scene`, `lanes`: by how much the share of lanes
-    at work must rise, `calls`: a pattern of functions whose calls (“flops”: all FLOPs) may be at most `share`
-    of the start's, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
-    asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
-    `exact_db`). Of one with a `height`, where baseline and truth would take too long: the start's bits there,
-    and at most `share` of the start's `events` (counting.cachegrind), by `threads`; of a scene of a `crowd`,
-    so many `shapes` of its kinds, where it names none. Of one without a `start` that is the phase's parent,
-    and the picture must be within `truth_db` of ground truth. `answers`: the function of study.labs that asks
-    for words and numbers. `hints`: what is said, by the check that fails.
-    """
-
-    number: int
-    title: str
-    page: str
-    minutes: int
-    hints: dict[str, str]
-    start: str = ""
-    scene: str = ""
-    answers: str = ""
-    height: int = 0
-    crowd: tuple[str, ...] = ()
-    shapes: int = 0
-    events: str = ""
-    threads: int = 1
-    truth_db: float = 0.0
-    speedup: float = 1.0
-    same_bits: bool = False
-    lanes: float = 0.0
-    calls: str = ""
-    share: float = 1.0
-    breaks: str = ""
-    below_db: float = 0.0
-    exact_db: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,10 +58,6 @@ class Check:
     said: str
     hint: str = ""
     text: str = ""
-
-
-def labs() -> dict[int, Lab]:
-    return {one["number"]: Lab(**one) for one in json_files.read_json(FILE)["labs"]}
 
 
 def of_source(lab: Lab, name: str, root: Path = registry.ROOT) -> Check:
@@ -181,13 +139,16 @@ def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
         made.append(Check("lanes", rises, said))
     if lab.calls:
         works = [one.flops if lab.calls == "flops" else _calls(one, lab.calls) for one in (start, mine)]
-        less = bool(works[0] and works[1] is not None and works[1] <= lab.share * works[0])
-        what = "FLOPs" if lab.calls == "flops" else f"calls of {lab.calls}"
-        counts = " → ".join(f"{work:,}" if work is not None else "not counted" for work in works)
-        made.append(
-            Check("work", less, f"{what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})")
-        )
+        made.append(of_work(lab, works))
     return [*made, *of_ratio(lab, result.ratio)]
+
+
+def of_work(lab: Lab, works: Sequence[int | None]) -> Check:
+    """Of the FLOPs or calls of start and solution."""
+    less = bool(works[0] and works[1] is not None and works[1] <= lab.share * works[0])
+    what = "FLOPs" if lab.calls == "flops" else f"calls of {lab.calls}"
+    counts = " → ".join(f"{work:,}" if work is not None else "not counted" for work in works)
+    return Check("work", less, f"{what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})")
 
 
 def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:
@@ -201,16 +162,29 @@ def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:
     return [Check("unsure" if unsure else "speed", fast, said)]
 
 
-def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
-    """Of start and solution alone: bits, events and time. Raises StudyError."""
-    both, size = try_.sides(args.phase, lab.start), scene.size(lab.height)
-    build_together([(spec, "render") for spec in both], len(USABLE))
+def drawn(both: try_.Sides, scene: Scene, height: int, threads: int = 1) -> bool:
+    """Whether the pictures of both, which are built, have the same bits."""
     shown = []
     for spec in both:
         out = picture_at(f"{spec}-{scene.name}")
-        run_driver(spec, scene.path, *reversed(size), threads=lab.threads, out=out, timed=False)
+        run_driver(spec, scene.path, height, scene.size(height)[0], threads=threads, out=out, timed=False)
         shown.append(images.rgb(images.read(out)).tobytes())
-    made = [Check("picture", shown[0] == shown[1], f"every bit as {lab.start}'s")]
+    return shown[0] == shown[1]
+
+
+def of_others(lab: Lab, both: try_.Sides) -> list[Check]:
+    """Of the bits on scenes that ask for more of the idea than the lab's own."""
+    scenes = [registry.scene_at(registry.ROOT / place) for place in lab.also]
+    said = f"every bit as {lab.start}'s on "
+    return [Check(one.name, drawn(both, one, lab.height), said + one.name) for one in scenes]
+
+
+def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
+    """Of start and solution alone: bits, events and time. Raises StudyError."""
+    both = try_.sides(args.phase, lab.start)
+    build_together([(spec, "render") for spec in both], len(USABLE))
+    same = drawn(both, scene, lab.height, lab.threads)
+    made = [Check("picture", same, f"every bit as {lab.start}'s")]
     if lab.events:
         what, share = cachegrind.EVENTS[lab.events][1], show.percent(lab.share)
         counts = [cachegrind.counted(spec, scene, max(lab.height // COUNTED, 4)) for spec in both]
@@ -218,6 +192,9 @@ def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
         said = f"{before:,} → {now:,}" if now is not None else f"not counted: {cachegrind.TOOL} is missing"
         less = now is None or before is None or now <= lab.share * before
         made.append(Check("work", less, f"{what}: at most {share} of {lab.start}'s ({said})"))
+    if lab.calls:
+        found = [try_.counted(spec, scene, lab.height) for spec in both]
+        made.append(of_work(lab, [_calls(one, lab.calls) if one else None for one in found]))
     if args.untimed:
         return made
     if lab.threads > len(USABLE):
@@ -227,8 +204,10 @@ def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
     return made + of_ratio(lab, stats.ratio_interval(*(ms[spec] for spec in both)))
 
 
-def _calls(side: try_.Side, pattern: str) -> int | None:
+def _calls(side: try_.Side | Declared, pattern: str) -> int | None:
     """Calls of the functions whose whole name fits the pattern; None where they are not counted."""
+    if isinstance(side, Declared):
+        return sum(one.calls for name, one in side.by_function.items() if re.fullmatch(pattern, name))
     if side.calls is None:
         return None
     return sum(count for name, count in side.calls.items() if re.fullmatch(pattern, name))
@@ -339,7 +318,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def judged(args: argparse.Namespace) -> Outcome:
     lab = labs()[args.lab]
-    told = None
+    hints, told = lab.hints | HINTS, None
     if lab.answers:
         made = of_answers(lab, args.file, args.student)
         if isinstance(made, Outcome):
@@ -361,6 +340,8 @@ def judged(args: argparse.Namespace) -> Outcome:
         spec = Spec.parse(args.phase)
         if not lab.start:
             lab = replace(lab, start=registry.parent_of(args.phase) or "")
+        line = measuring(lab, args.phase, scene if lab.crowd else None)
+        hints["unchanged"] = HINTS["unchanged"].format(line)
         checks = [of_source(lab, args.phase)]
         try:
             build(spec)
@@ -374,14 +355,17 @@ def judged(args: argparse.Namespace) -> Outcome:
             checks.append(of_memory(spec, scene, lab.height or args.n, lab.threads))
         sound = all(one.passed for one in checks)
         if sound and lab.height:
-            checks += [of_views(spec, scene, lab.height), *of_pair(lab, scene, args)]
+            views = of_views(spec, scene, lab.height)
+            picture, *rest = of_pair(lab, scene, args)
+            others = of_others(lab, try_.sides(args.phase, lab.start)) if picture.passed else []
+            checks += [views, picture, *others, *rest]
         elif sound:
             named = registry.given(str(scene.path)) if lab.crowd else lab.scene
             what = {"name": args.phase, "against": lab.start, "scene": named}
             told = try_.compared(argparse.Namespace(**vars(args) | what))
             checks += [of_views(spec, scene, args.n), *of_phase(lab, told)]
     failing = next((one for one in checks if not one.passed), None)
-    hint = (lab.hints | HINTS).get(failing.hint or failing.name, UNSURE) if failing else None
+    hint = hints.get(failing.hint or failing.name, UNSURE) if failing else None
     lines = [try_.text(told), ""] if told and not args.untimed else []
     lines += [
         f"Lab {lab.number}, {lab.title}",

@@ -23,7 +23,15 @@ from study.core import cli, json_files, patches, registry, store, temporary
 from study.core.cli import CANNOT_RUN, Outcome, StudyError
 from study.truth.subject import FLOAT
 
-LEFT_OUT = ("systems", "tests", "docs/labs/starts", "docs/labs/solutions", ".github/workflows", ".ci")
+LEFT_OUT = (
+    "systems",
+    "tests",
+    "docs/labs/starts",
+    "docs/labs/solutions",
+    "docs/labs/mistakes",
+    ".github/workflows",
+    ".ci",
+)
 WORKFLOW = "docs/labs/autograding/github-classroom.yml"  # becomes the branch's own
 CODE = re.compile(r"^```c\n.*?^```\n", re.MULTILINE | re.DOTALL)
 CUT = "*The code is left out on this branch.*\n"
