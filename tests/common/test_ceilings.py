@@ -13,8 +13,8 @@ from pathlib import Path
 import emitted
 import msgspec
 import pytest
-import round_ceilings
 import started
+from complete import round_ceilings
 from elftools.elf.elffile import ELFFile
 
 from study.bounds import ceilings, peaks
@@ -224,7 +224,7 @@ def made(data: dict) -> Ceilings:
 
 
 def test_what_ceilings_say() -> None:
-    limits = made(round_ceilings.record())
+    limits = made(round_ceilings())
     assert (limits.flops("add", "double", 256), limits.rate("add", "double", 256)) == (8, 2)
     assert (limits.issue("double", 256), limits.bandwidth("L1", 256)) == (3, 128)
     lacking = limits.flops("add", "double", 512), limits.flops("rsqrt", "double", 256)

@@ -4,16 +4,16 @@ import math
 
 import msgspec
 import pytest
+from complete import ROUND_RATES, round_ceilings
 from hypothesis import given
 from hypothesis import strategies as st
-from round_ceilings import RATES, record
 
 from study.bounds import ceilings, roof_shares
 
 
 @pytest.fixture
 def limits() -> ceilings.Ceilings:
-    return msgspec.convert(record(), ceilings.Ceilings)
+    return msgspec.convert(round_ceilings(), ceilings.Ceilings)
 
 
 def test_the_busiest_resource_sets_the_roof(limits: ceilings.Ceilings) -> None:
@@ -54,7 +54,7 @@ def test_operations_without_a_ceiling_are_told_and_not_free(limits: ceilings.Cei
     assert math.isnan(empty.roof) and math.isnan(empty.unpriced)
 
 
-KINDS = st.sampled_from([kind for kind, rate in RATES.items() if rate and kind in ceilings.KINDS])
+KINDS = st.sampled_from([kind for kind, rate in ROUND_RATES.items() if rate and kind in ceilings.KINDS])
 LANES = st.dictionaries(
     st.tuples(KINDS, st.just("double"), st.sampled_from([64, 128, 256])), st.integers(1, 10**9)
 )
@@ -62,7 +62,7 @@ LANES = st.dictionaries(
 
 @given(LANES.filter(bool))
 def test_no_mix_is_above_the_fma_roof_nor_any_of_its_operations_alone(lanes: dict) -> None:
-    limits = msgspec.convert(record(), ceilings.Ceilings)
+    limits = msgspec.convert(round_ceilings(), ceilings.Ceilings)
     made = roof_shares.mix(lanes, limits)
     fma = limits.flops("fma", "double", 256)
     # Three instructions may be issued where two FMAs may: additions beside them have units of their own.

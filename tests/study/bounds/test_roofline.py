@@ -18,7 +18,7 @@ import matplotlib
 import msgspec
 import pandas as pd
 import pytest
-from round_ceilings import record
+from complete import round_ceilings
 
 from study.bounds import ceilings, roof, roof_shares
 from study.bounds.roof import Point
@@ -39,7 +39,7 @@ PIXELS = {90: 160 * 90, 180: 320 * 180}
 
 @pytest.fixture
 def limits() -> ceilings.Ceilings:
-    return msgspec.convert(record(), ceilings.Ceilings)
+    return msgspec.convert(round_ceilings(), ceilings.Ceilings)
 
 
 def measured(spec: str, scene: str, n: int, lanes: dict, load: float, store_: float, **more) -> Measurement:
@@ -80,7 +80,7 @@ def write_counts(run: Path, several: list[Measurement], declared: list[dict]) ->
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     run = Path(shutil.copytree(FIXTURE, tmp_path / "machine" / "run"))
-    store.write_json(run / "ceilings.json", record())
+    store.write_json(run / "ceilings.json", round_ceilings())
     write_counts(run, [OPT4, OPT3], [DECLARED, BASELINE])
     return run
 
@@ -106,7 +106,7 @@ def point(run: Path, phase: str, n: int) -> Point:
 
 
 def change_ceiling(run: Path, name: str, precision: str, bits: int, value: float) -> None:
-    data = record()
+    data = round_ceilings()
     for one in data["ceilings"]:
         if (one["name"], one.get("precision"), one["bits"]) == (name, precision, bits):
             one["value"] = value
@@ -217,7 +217,7 @@ def under_the_points(run: Path) -> str:
 
 def test_shares_by_the_clock_under_vector_load_stand_beside(run: Path) -> None:
     """The fixture's frames: 4 GHz, and 3.5 under load where there are lanes."""
-    store.write_json(run / "ceilings.json", record() | {"core_hz_load": {"256": 3.2e9, "512": None}})
+    store.write_json(run / "ceilings.json", round_ceilings() | {"core_hz_load": {"256": 3.2e9, "512": None}})
     opt4, baseline = point(run, "opt4", 180), point(run, "baseline", 90)
     assert (opt4.load_clock, opt4.load_clock_ceilings) == pytest.approx((0.875, 0.8))
     assert opt4.share_of_fma_roof_load == pytest.approx(2 / 0.875 / 32)
@@ -388,7 +388,7 @@ def test_what_is_missing_or_broken_is_status_2(run: Path, stepwise: Callable) ->
         (run / name).write_text(text)
     (run / "ceilings.json").write_text('{"schema": 1, "ceil')
     assert stepwise("roofline", run).returncode == 2
-    store.write_json(run / "ceilings.json", record())
+    store.write_json(run / "ceilings.json", round_ceilings())
     write_counts(run, [], [])
     assert stepwise("roofline", run).returncode == 2
 
@@ -413,7 +413,7 @@ def test_the_command_writes_tables_and_figures(run: Path, tmp_path: Path, stepwi
     done = stepwise("roofline", run, "--json", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     made = emitted.result(done.stdout)
-    assert made["ceilings"] == record()["ceilings"]
+    assert made["ceilings"] == round_ceilings()["ceilings"]
     points = {(p["phase"], p["height"]): p for p in made["points"]}
     assert points["baseline", 90]["bytes"] is None and points["opt3", 180]["scaled_from_n"] == 90
     assert all(Path(path).is_file() for path in made["files"]) and not (run / "figures").exists()
@@ -441,7 +441,7 @@ def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("lost", ["precision", "level", "both"])
 def test_a_machine_without_ceilings_is_drawn_without_warning(run: Path, lost: str) -> None:
-    data = record()
+    data = round_ceilings()
     for one in data["ceilings"]:
         if lost == "both" or lost in one:
             one |= {"value": None, "reason": "did not repeat itself"}

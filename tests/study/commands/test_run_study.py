@@ -197,7 +197,7 @@ def test_a_young_page_is_left_as_it_is(done, tmp_path, monkeypatch):
     monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)
     run_study.run(arguments(tmp_path))
     running = ["--running" in words for name, words in done if name == "report"]
-    assert running == [True, False]
+    assert running == [True, True, False]  # a first look, the sweep, the end
 
 
 def test_the_page_says_what_a_quick_study_cut(tmp_path):
