@@ -80,12 +80,13 @@ def methods() -> dict[str, str]:
 
 
 def _of_few(value: float, *samples: np.ndarray) -> Interval:
-    """The t interval of a sample's median `value`, or of the first's over the second's."""
+    """The t interval of a sample's median `value`; of the first's over the second's; of that ratio over the
+    fourth's over the third's."""
     count = min(map(len, samples))
     if not all((one > 0).all() for one in samples):
         return Interval(value, np.nan, np.nan, count, False)
     logs = [np.log(one) for one in samples]
-    middle = logs[0].mean() - (logs[1].mean() if len(logs) > 1 else 0)
+    middle = sum(sign * one.mean() for sign, one in zip((1, -1, -1, 1), logs, strict=False))
     wide = _welch([(one.var(ddof=1) / len(one), len(one)) for one in logs])
     return Interval(value, math.exp(middle - wide), math.exp(middle + wide), count, True)
 
@@ -179,8 +180,10 @@ def change_interval(
     launches = min(np.size(one) for pair in both for one in pair)
     ratios = [float(np.median(one) / np.median(other)) if launches else np.nan for one, other in both]
     value = ratios[1] / ratios[0]
-    if launches < ENOUGH or not all(np.isfinite(one).all() for pair in both for one in pair):
+    if launches < FEWEST or not all(np.isfinite(one).all() for pair in both for one in pair):
         return Interval(value, np.nan, np.nan, launches, False)
+    if launches < ENOUGH:
+        return _of_few(value, *(np.asarray(one, float) for pair in (after, before) for one in pair))
     random = np.random.default_rng(seed)
     first, second = (resampled_ratios(*pair, random, RESAMPLES) for pair in both)
     low, high = np.percentile(second / first, PERCENTILES)

@@ -103,14 +103,15 @@ def test_a_slow_hour_is_no_slower_phase(tmp_path):
     assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt2" in done.stderr
 
 
-def test_the_interval_of_a_change_holds_the_true_one():
-    """200 pairs of runs of 8 launches, 3 % of noise in a launch and 10 % of it in a run's rounds."""
+@pytest.mark.parametrize("launches", [3, 8])
+def test_the_interval_of_a_change_holds_the_true_one(launches):
+    """200 pairs of runs of so many launches, 3 % of noise in a launch and 10 % of it in a run's rounds."""
     random, held = np.random.default_rng(5), 0
     for _ in range(200):
         pairs = []
         for speed_up in (4.0, 5.0):
-            rounds = random.normal(1, 0.1, 8)
-            noise = random.normal(1, 0.03, (2, 8))
+            rounds = random.normal(1, 0.1, launches)
+            noise = random.normal(1, 0.03, (2, launches))
             pairs.append((100 * rounds * noise[0], 100 / speed_up * rounds * noise[1]))
         found = stats.change_interval(*pairs)
         held += found.low <= 1.25 <= found.high
