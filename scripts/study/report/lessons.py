@@ -306,7 +306,7 @@ PANELS: dict[str, tuple[str, list[Callable[[registry.Phase], Panel]]]] = {
     "opt9_convex": ("Closed forms where a march is not needed", [scene_times, evaluations]),
     "opt10_scene": ("A kernel compiled for the scene", [scene_times, paid]),
     "opt11_ideal": ("The shadow of the scene, not of the march", [large_times, to_ideal]),
-    "opt12_fused": ("Rows in registers, from direction to store", [large_times, to_ideal]),
+    "opt12_fused": ("Rows in registers, from direction to store", [large_times]),
     "truth": ("How far each phase is from the exact picture", [to_truth]),
     "rods": ("Neighbours share their early steps", [rods_times, rods_errors]),
     "rods_simd": ("Rods hand over to packets", [throttled]),
