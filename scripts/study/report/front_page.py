@@ -144,9 +144,11 @@ def ladder_block(data: Data, rows: pd.DataFrame, exact: pd.DataFrame | None = No
     note = (
         f"{size['width']}×{size['height']}, one thread, {show.inert(provenance.place(data.context))}. Times: "
         "medians over process launches, with 95 % intervals. dB: PSNR to the ground truth"
-        f"{at or ', not measured'} (mandelbulb: to its exact surface, means of 4×4 samples; “to a march”: in "
-        "exact arithmetic, where the run lacks that); above 50 dB a few pixels at edges "
-        f"decide, so levels differ with the size.{borrowed} Lowest roof: of the roofline model on scene0, "
+        f"{at or ', not measured'}; the mandelbulb's to its exact surface, means of 4×4 samples."
+        + " “To a march”: in exact arithmetic, where the run lacks that."
+        * ("to a march" in table)
+        + " Above 50 dB a few pixels at edges decide, so levels differ with the size."
+        f"{borrowed} Lowest roof: of the roofline model on scene0, "
         "and the share of it that the phase reaches (L1: traffic of the first-level cache; divider: "
         "quotients and roots; –: the kernel that ran does less than the code that was counted)."
         + " “To ours”: between the displayed pictures of both." * ratios
