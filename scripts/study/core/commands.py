@@ -10,6 +10,7 @@ import ast
 import dataclasses
 import difflib
 import importlib
+import os
 import re
 import sys
 import time
@@ -88,13 +89,18 @@ def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
 
 
 def called(name: str, words: Sequence[str | Path]) -> tuple[Outcome, bool]:
-    """A command in this process, and whether --json was given. SystemExit for bad arguments; StudyError."""
+    """A command in this process, and whether --json was given. SystemExit for bad arguments; StudyError.
+    A study calls many: what one sets in the environment ends with it."""
     global begun
-    begun = time.monotonic()
+    begun, environment = time.monotonic(), dict(os.environ)
     body: Any = importlib.import_module(find_all()[name].module)
     args = parser_for(name, body).parse_args(list(map(str, words)))
     store.known_scenes(getattr(args, "run", None))
-    outcome = body.measure(args) if hasattr(body, "measure") else body.run(args)
+    try:
+        outcome = body.measure(args) if hasattr(body, "measure") else body.run(args)
+    finally:
+        os.environ.clear()
+        os.environ.update(environment)
     if outcome.run:
         store.keep_scenes(outcome.run)
     return outcome, args.json

@@ -1,5 +1,6 @@
 """scripts/stepwise: its commands are found by their files, and docs/commands.md is what they say."""
 
+import os
 import re
 
 import pytest
@@ -9,6 +10,7 @@ from study.core import cli, commands
 from study.core.registry import ROOT, animated
 from study.experiments import experiment
 from study.experiments.flight import measure as flight
+from study.experiments.stability import command as stability
 
 
 def test_the_list_names_every_command_and_what_it_does(stepwise) -> None:
@@ -55,3 +57,18 @@ def test_a_help_names_commands_that_there_are() -> None:
     assert {other for names in named.values() for other in names} <= commands.find_all().keys()
     assert named["animation"] == ["flight", "farm"]
     assert flight.scenes() and all(flight.find(name) == animated()[name] for name in flight.scenes())
+
+
+def test_what_a_command_sets_in_the_environment_ends_with_it(monkeypatch) -> None:
+    """A study calls all of its commands in one process."""
+
+    def measure(args) -> cli.Outcome:
+        os.environ["STEPWISE_CC"] = "none"
+        os.environ.pop("STEPWISE_LEFT", None)
+        return cli.Outcome({})
+
+    monkeypatch.delenv("STEPWISE_CC", raising=False)
+    monkeypatch.setenv("STEPWISE_LEFT", "1")
+    monkeypatch.setattr(stability, "measure", measure)
+    commands.called("stability", [])
+    assert "STEPWISE_CC" not in os.environ and os.environ["STEPWISE_LEFT"] == "1"
