@@ -112,8 +112,9 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--pyperf", metavar="PYTHON")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--alone", action="store_true", help="stepwise time without the others")
     args = parser.parse_args()
-    tools = {"stepwise time": stepwise, "hyperfine": hyperfine}
+    tools = {"stepwise time": stepwise} | ({} if args.alone else {"hyperfine": hyperfine})
     tools |= {"pyperf": pyperf(args.pyperf)} if args.pyperf else {}
     dice, found = random.Random(args.seed), collections.defaultdict(list)
     with tempfile.TemporaryDirectory() as place:

@@ -42,6 +42,7 @@ A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
     scripts/stepwise time --vary n 128,256,512 -- './mm {n}'
 
 A ratio is the median over rounds of the first program's time over this one's: over 1, this one is faster.
+Launches that another process interrupted are left out where ten others are there, and their number is said.
 Warm-up are the first rounds, until no program is 1 % faster than before; they are in no statistic.
 Options that hyperfine has mean what they mean there. Without --shell no shell is between: a command of one
 word is split into words. With one, its own start is in every time.
@@ -53,6 +54,7 @@ MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
+SEEN = ("ns", "user_ns", "system_ns", "ctx_involuntary")  # of a launch, by the rule for when to stop
 
 
 def precision(text: str) -> float:
@@ -159,7 +161,7 @@ def digest(path: Path | str | None) -> str | None:
 
 
 class Timing:
-    """The measuring: what is launched, how, and the times so far (ns, by round)."""
+    """The measuring: what is launched, how, and the launches so far, by round."""
 
     def __init__(self, args: argparse.Namespace, plan: Plan, how: Launcher) -> None:
         self.plan, self.how, self.results = plan, how, args.results
@@ -168,7 +170,7 @@ class Timing:
         pattern = args.time_from.pattern if args.time_from else ""
         work = f"{digest(args.input) or ''} {pattern}".strip()
         plan.configurations = [programs.configuration(one, work, args.threads) for one in plan.programs]
-        self.times: list[dict[int, float]] = [{} for _ in plan.programs]
+        self.done: list[dict[int, dict[str, float]]] = [{} for _ in plan.programs]
         self.run: store.Run | None = None
         self.round = 0
         self.limit = args.budget or A_PROGRAM * len(plan.programs)
@@ -177,16 +179,17 @@ class Timing:
 
     def launches(self, warmup: bool) -> Iterator[dict[str, Any]]:
         """Lines of a round, in random order."""
-        for place in self.dice.sample(range(len(self.times)), len(self.times)):
+        for place in self.dice.sample(range(len(self.done)), len(self.done)):
             program, padding = self.plan.programs[place], self.dice.randint(0, 4096)
             if program.prepare:
                 self.how.around(program.prepare)
             found = self.how.launch(program.command, padding)
             about = {"round": self.round, "env_bytes": padding, "cpu": self.plan.cpu, "time": programs.now()}
-            self.times[place][self.round] = float(np.median([one.ns for one in found]))
-            for one in found:
+            lines = [msgspec.structs.asdict(one) for one in found]
+            self.done[place][self.round] = {key: np.median([one[key] for one in lines]) for key in SEEN}
+            for one in lines:
                 of = self.plan.configurations[place]
-                yield programs.line(of, self.round, warmup=warmup, **about, **msgspec.structs.asdict(one))
+                yield programs.line(of, self.round, warmup=warmup, **about, **one)
 
     def one_round(self, warmup: bool = False) -> None:
         """The run's folder is made when its first round has passed: what cannot start leaves none."""
@@ -206,18 +209,18 @@ class Timing:
         """`rounds` of them, or until the last one was no faster; their times are forgotten."""
         while self.round != rounds and self.round < (MOST_WARM if rounds is None else rounds):
             self.one_round(warmup=True)
-            warm = all(modes.warm([*times.values()]) for times in self.times)
+            warm = all(modes.warm([one["ns"] for one in done.values()]) for done in self.done)
             if rounds is None and (warm or self.spent > SHARE_WARM * self.limit):
                 break
         self.plan.warmup = self.round
-        self.times = [{} for _ in self.times]
+        self.done = [{} for _ in self.done]
         self.begun = time.monotonic()
 
     def known(self, rounds: int) -> bool:
         if self.plan.precision is None or rounds % max(rounds // 20, 1):
             return False
-        series = [pd.Series(times) for times in self.times]
-        return table.precise(series, self.plan.programs, self.plan.precision)
+        launches = [pd.DataFrame.from_dict(done, "index") for done in self.done]
+        return table.precise(launches, self.plan.programs, self.plan.precision)
 
     def measure(self) -> None:
         with progress.Progress("time", self.plan.launches or self.limit) as bar:

@@ -47,6 +47,15 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
     return [*found, *others(frames)]
 
 
+def interrupted(launches: pd.DataFrame) -> pd.Series:
+    """Of each launch (ns, user_ns, system_ns, ctx_involuntary) whether other processes took its CPU more than
+    PREEMPTIONS times a second; False where the run does not tell."""
+    if not {"user_ns", "system_ns", "ctx_involuntary"} <= {*launches}:
+        return pd.Series(False, launches.index)
+    busy = np.maximum(launches.ns, launches.user_ns + launches.system_ns)
+    return launches.ctx_involuntary > PREEMPTIONS * 1e-9 * busy
+
+
 def others(frames: pd.DataFrame) -> list[str]:
     """One sentence each for stolen time and for other processes."""
     seconds, found = float(frames.ns.sum()) * 1e-9, []

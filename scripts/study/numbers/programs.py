@@ -10,13 +10,14 @@ import pandas as pd
 from study.core import show
 from study.core.run_schema import Plan, Program
 from study.core.store import Run
-from study.numbers import modes, sequential
+from study.numbers import modes, noise, sequential
 from study.numbers.analysis import Cell
 from study.numbers.modes import Modes
 from study.numbers.stats import Interval
 
 FASTER, SLOWER, FEW = "faster", "slower", "unknown (too few launches)"
 UNSURE, TWO_MODES = "not told apart", "no verdict (two modes)"
+ENOUGH = 10  # launches; with fewer that nothing interrupted, all count
 COLUMNS = [("program", "program"), ("case", "case"), ("launches", "launches"), ("ms", "ms [95 %]")]
 COLUMNS += [("cpu_ms", "CPU ms"), ("mib", "peak MiB")]
 COLUMNS += [("instructions", "instructions"), ("joules", "J"), ("ratio", "first / this [95 %]")]
@@ -27,7 +28,8 @@ COLUMNS += [("verdict", "this is")]
 class Row:
     """A program in one case; medians over launches. `ratio`: the median over rounds of `base`'s time over
     this one's: over 1, this one is faster. None: it is the base itself, or the machine has no such counter.
-    `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last."""
+    `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last. Launches that
+    other processes interrupted are in no figure of these; `left_out` is their number."""
 
     program: str
     case: str
@@ -42,10 +44,31 @@ class Row:
     verdict: str
     modes: Modes | None
     drift: float | None
+    left_out: int
 
     @property
     def name(self) -> str:
         return f"{self.program} {self.case}".strip()
+
+
+def _calm(values: pd.Series, disturbed: pd.Series) -> pd.Series:
+    calm = values[~disturbed]
+    return calm if len(calm) >= ENOUGH else values
+
+
+def times(launches: pd.DataFrame) -> pd.Series:
+    """ns of the launches that no other process interrupted, by round; of all where those are too few."""
+    return _calm(launches.ns, noise.interrupted(launches))
+
+
+def ratios(base: pd.DataFrame, other: pd.DataFrame) -> pd.Series:
+    """base / other of each round in which nothing interrupted the two; of all rounds where those are too few.
+
+    A neighbour that takes turns with a program on its CPU makes a time a count of the scheduler's slices.
+    """
+    of_rounds = sequential.ratios(base.ns, other.ns)
+    mine, its = (noise.interrupted(one).reindex(of_rounds.index) for one in (base, other))
+    return _calm(of_rounds, mine | its)
 
 
 def bases(programs: Sequence[Program]) -> list[int | None]:
@@ -79,9 +102,10 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
             continue
         first = plan.programs[base] if base is not None and not plan.read_from else None
         other = known.get((first.name, first.case)) if first else None
-        ms, ratio, said = cell.values.ns / 1e6, None, ""
+        calm, ratio, said = times(cell.values), None, ""
+        ms = calm / 1e6
         if other is not None:
-            of_rounds = sequential.ratios(other.values.ns, cell.values.ns)
+            of_rounds = ratios(other.values, cell.values)
             ratio = sequential.median_interval(of_rounds, stopped)
             said = verdict(ratio, of_rounds, plan.precision)
         made.append(
@@ -99,6 +123,7 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
                 verdict=said,
                 modes=modes.modes(ms),
                 drift=modes.drift(ms),
+                left_out=len(cell.values) - len(ms),
             )
         )
     return made
@@ -128,14 +153,12 @@ def _median(cell: Cell, name: str, unit: float = 1) -> float | None:
     return float(np.median(values)) / unit if len(values) else None
 
 
-def precise(times: Sequence[pd.Series], programs: Sequence[Program], precision: float) -> bool:
-    """Whether every ratio is known to ± `precision`, or the median of the only program. `times`: of each
+def precise(launches: Sequence[pd.DataFrame], programs: Sequence[Program], precision: float) -> bool:
+    """Whether every ratio is known to ± `precision`, or the median of the only program. `launches`: of each
     program, by round."""
-    pairs = [
-        (times[base], mine) for base, mine in zip(bases(programs), times, strict=True) if base is not None
-    ]
-    found = [sequential.ratio_interval(*pair) for pair in pairs]
-    found = found or [sequential.median_interval(mine) for mine in times]
+    pairs = zip(bases(programs), launches, strict=True)
+    series = [ratios(launches[base], mine) for base, mine in pairs if base is not None]
+    found = [sequential.median_interval(one) for one in series or [times(mine) for mine in launches]]
     return all(sequential.within(one, precision) for one in found)
 
 
@@ -153,6 +176,9 @@ def remarks(found: Sequence[Row]) -> list[str]:
                 f"{row.name}: its launches drifted, the last quarter {100 * abs(row.drift):.1f} % {way} than"
             )
             said.append(f"{text} the first")
+        if row.left_out:
+            about = f"{row.left_out} of {row.launches + row.left_out} launches were interrupted"
+            said.append(f"{row.name}: {about} by other processes and are left out")
         if row.verdict == TWO_MODES:
             said.append(f"{row.name}: its ratio to {row.base} has two modes: there is no verdict on a median")
     return said

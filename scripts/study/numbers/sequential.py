@@ -50,11 +50,6 @@ def ratios(base: pd.Series, other: pd.Series) -> pd.Series:
     return (base / other).dropna()
 
 
-def ratio_interval(base: pd.Series, other: pd.Series, stopped: bool = True) -> Interval:
-    """Median over the rounds of base / other: the speed-up of `other`, if both are times."""
-    return median_interval(ratios(base, other), stopped)
-
-
 def within(found: Interval, precision: float) -> bool:
     """Whether the interval is no wider than ±`precision` of its value."""
     return (

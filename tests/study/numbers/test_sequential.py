@@ -85,11 +85,8 @@ def test_stopping_at_the_first_difference_costs_no_coverage_where_a_fixed_interv
 def test_the_ratio_is_of_rounds_that_both_have():
     base = pd.Series([10.0, 20, 30, 40] * 5)
     other = pd.Series([5.0, 10, 15, 20] * 5)
-    found = sequential.ratio_interval(base, other)
-    assert (found.value, found.low, found.high, found.launches) == (2, 2, 2, 20)
-    assert sequential.ratio_interval(base, other[3:]).launches == 17
-    assert not sequential.ratio_interval(base[:8], other).sufficient
-    assert sequential.ratio_interval(base[:8], other, stopped=False).sufficient
+    assert [*sequential.ratios(base, other)] == [2] * 20
+    assert [*sequential.ratios(base, other[3:]).index] == [*range(3, 20)]
 
 
 def test_within_is_of_the_value_and_of_an_interval_that_there_is():
