@@ -27,10 +27,10 @@ from study.core import store
 # than any of it: no two phases share one. Markers and hatches say the same in print.
 COLOURS = [
     *("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7"),
-    *("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518"),
+    *("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518", "#8B5CF6"),
 ]
 BAD = "#b3261e"
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H", (6, 1, 0))
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0, "alpha": 0.7}
 MARK = 5  # points: half of a mark's size
