@@ -68,6 +68,9 @@ int main(int argc, char **argv) {
         fprintf(stderr, "launch: CPUs %s: %s\n", argv[2], strerror(errno));
         return 3;
     }
+    cpu_set_t may;
+    CPU_ZERO(&may);
+    const int cpus = sched_getaffinity(0, sizeof may, &may) ? 1 : CPU_COUNT(&may);
     volatile int failed = 0; // the child of vfork writes into this process's memory
     const int instructions = counter();
     const int64_t first = counted(instructions), begin = now();
@@ -92,10 +95,11 @@ int main(int argc, char **argv) {
     }
     dprintf(report, "{\"exit_status\": %d, \"ns\": %" PRId64,
             WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), wall);
-    dprintf(report, ", \"user_ns\": %" PRId64,
-            nanoseconds(used.ru_utime.tv_sec, used.ru_utime.tv_usec * INT64_C(1000)));
-    dprintf(report, ", \"system_ns\": %" PRId64,
-            nanoseconds(used.ru_stime.tv_sec, used.ru_stime.tv_usec * INT64_C(1000)));
+    const int64_t user = nanoseconds(used.ru_utime.tv_sec, used.ru_utime.tv_usec * INT64_C(1000));
+    const int64_t system = nanoseconds(used.ru_stime.tv_sec, used.ru_stime.tv_usec * INT64_C(1000));
+    dprintf(report,
+            ", \"user_ns\": %" PRId64 ", \"system_ns\": %" PRId64 ", \"unused_ns\": %" PRId64, user,
+            system, cpus * wall - user - system);
     dprintf(report, ", \"max_rss_kib\": %ld, \"faults_minor\": %ld, \"faults_major\": %ld",
             used.ru_maxrss, used.ru_minflt, used.ru_majflt);
     dprintf(report, ", \"ctx_voluntary\": %ld, \"ctx_involuntary\": %ld", used.ru_nvcsw,

@@ -42,7 +42,8 @@ A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
     scripts/stepwise time --vary n 128,256,512 -- './mm {n}'
 
 A ratio is the median over rounds of the first program's time over this one's: over 1, this one is faster.
-Launches that another process interrupted are left out where ten others are there, and their number is said.
+Launches that another process interrupted are left out where ten others are there; their number is said, and
+where they count all the same.
 Warm-up are the first rounds, until no program is 1 % faster than before; they are in no statistic.
 Options that hyperfine has mean what they mean there. Without --shell no shell is between: a command of one
 word is split into words. With one, its own start is in every time.
@@ -54,7 +55,13 @@ MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
-SEEN = ("ns", "user_ns", "system_ns", "ctx_involuntary")  # of a launch, by the rule for when to stop
+SEEN = (
+    "ns",
+    "user_ns",
+    "system_ns",
+    "unused_ns",
+    "ctx_involuntary",
+)  # of a launch, by the rule for when to stop
 
 
 def precision(text: str) -> float:

@@ -285,6 +285,7 @@ class Frame(File, kw_only=True):
     env_bytes: Annotated[int | None, key("bytes", "padding of the environment (layout bias)")] = None
     user_ns: Annotated[int | None, key("ns", "of a program: CPU time in user mode")] = None
     system_ns: Annotated[int | None, key("ns", "of a program: CPU time in the kernel")] = None
+    unused_ns: Annotated[int | None, key("ns", "of a program: its CPUs' time that it did not use")] = None
     instructions: Annotated[int | None, key("instructions", "of a program, in user mode")] = None
     exit_status: Annotated[int | None, key("", "of a program; negative: the signal that killed it")] = None
     time: Annotated[str | None, key("UTC", "when the line was written; ISO 8601")] = None

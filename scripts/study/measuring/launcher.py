@@ -34,6 +34,7 @@ class Launched(msgspec.Struct):
     ns: float
     user_ns: int
     system_ns: int
+    unused_ns: int
     max_rss_kib: int
     faults_minor: int
     faults_major: int

@@ -11,6 +11,7 @@ from study.numbers import clocks, stats
 from study.numbers.analysis import Cell, Data
 
 PREEMPTIONS = 20  # per second; a quiet machine has a few
+UNUSED, OVERHEAD = 0.01, 200_000  # of a launch whose CPUs others did not get: share, and ns of launching
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,20 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
     return [*found, *others(frames)]
 
 
-def interrupted(launches: pd.DataFrame) -> pd.Series:
-    """Of each launch (ns, user_ns, system_ns, ctx_involuntary) whether other processes took its CPU more than
-    PREEMPTIONS times a second; False where the run does not tell."""
-    if not {"user_ns", "system_ns", "ctx_involuntary"} <= {*launches}:
+def _by_itself(launches: pd.DataFrame) -> pd.Series:
+    """Of each launch whether it had its CPUs all the time: switches are of its own threads and processes."""
+    if not {"user_ns", "system_ns", "unused_ns"} <= {*launches}:
         return pd.Series(False, launches.index)
-    busy = np.maximum(launches.ns, launches.user_ns + launches.system_ns)
-    return launches.ctx_involuntary > PREEMPTIONS * 1e-9 * busy
+    return launches.unused_ns <= OVERHEAD + UNUSED * (launches.user_ns + launches.system_ns)
+
+
+def interrupted(launches: pd.DataFrame) -> pd.Series:
+    """Of each launch (user_ns, system_ns, unused_ns, ctx_involuntary) whether other processes took its CPUs,
+    each more than PREEMPTIONS times a second; False where the run does not tell."""
+    if not {"user_ns", "system_ns", "unused_ns", "ctx_involuntary"} <= {*launches}:
+        return pd.Series(False, launches.index)
+    had = launches.user_ns + launches.system_ns + launches.unused_ns
+    return (launches.ctx_involuntary > PREEMPTIONS * 1e-9 * had) & ~_by_itself(launches)
 
 
 def others(frames: pd.DataFrame) -> list[str]:
@@ -61,8 +69,10 @@ def others(frames: pd.DataFrame) -> list[str]:
     seconds, found = float(frames.ns.sum()) * 1e-9, []
     if "steal_ticks" in frames and (steal := frames.steal_ticks.sum() * 0.01 / seconds) > 0.01:
         found.append(f"the hypervisor took {steal:.3f} s of all CPUs' time a second measured (steal)")
-    if "ctx_involuntary" in frames and (often := frames.ctx_involuntary.sum() / seconds) > PREEMPTIONS:
-        found.append(f"other processes took the measured CPU {often:.0f} times a second")
+    if "ctx_involuntary" in frames:
+        often = frames.ctx_involuntary[~_by_itself(frames)].sum() / seconds
+        if often > PREEMPTIONS:
+            found.append(f"other processes took the measured CPU {often:.0f} times a second")
     return found
 
 

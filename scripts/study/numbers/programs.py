@@ -29,7 +29,8 @@ class Row:
     """A program in one case; medians over launches. `ratio`: the median over rounds of `base`'s time over
     this one's: over 1, this one is faster. None: it is the base itself, or the machine has no such counter.
     `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last. Launches that
-    other processes interrupted are in no figure of these; `left_out` is their number."""
+    other processes interrupted are in no figure of these, and `left_out` is their number. `disturbed`: of the
+    ratio's rounds (without a ratio: of the launches) those that were interrupted and count all the same."""
 
     program: str
     case: str
@@ -45,30 +46,30 @@ class Row:
     modes: Modes | None
     drift: float | None
     left_out: int
+    disturbed: int
 
     @property
     def name(self) -> str:
         return f"{self.program} {self.case}".strip()
 
 
-def _calm(values: pd.Series, disturbed: pd.Series) -> pd.Series:
-    calm = values[~disturbed]
-    return calm if len(calm) >= ENOUGH else values
+def calm(launches: pd.DataFrame) -> pd.DataFrame:
+    """The launches that no other process interrupted; all where those are too few."""
+    quiet = ~noise.interrupted(launches)
+    return launches[quiet] if quiet.sum() >= ENOUGH else launches
 
 
-def times(launches: pd.DataFrame) -> pd.Series:
-    """ns of the launches that no other process interrupted, by round; of all where those are too few."""
-    return _calm(launches.ns, noise.interrupted(launches))
-
-
-def ratios(base: pd.DataFrame, other: pd.DataFrame) -> pd.Series:
-    """base / other of each round in which nothing interrupted the two; of all rounds where those are too few.
+def ratios(base: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
+    """Of each round in which nothing interrupted the two, or of all rounds where those are too few: `ratio`,
+    base over other, and whether it was `disturbed`.
 
     A neighbour that takes turns with a program on its CPU makes a time a count of the scheduler's slices.
     """
-    of_rounds = sequential.ratios(base.ns, other.ns)
-    mine, its = (noise.interrupted(one).reindex(of_rounds.index) for one in (base, other))
-    return _calm(of_rounds, mine | its)
+    rounds = pd.DataFrame({"ratio": sequential.ratios(base.ns, other.ns)})
+    mine, its = (noise.interrupted(one).reindex(rounds.index) for one in (base, other))
+    rounds["disturbed"] = mine | its
+    quiet = rounds[~rounds.disturbed]
+    return quiet if len(quiet) >= ENOUGH else rounds
 
 
 def bases(programs: Sequence[Program]) -> list[int | None]:
@@ -102,37 +103,39 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
             continue
         first = plan.programs[base] if base is not None and not plan.read_from else None
         other = known.get((first.name, first.case)) if first else None
-        calm, ratio, said = times(cell.values), None, ""
-        ms = calm / 1e6
+        launches, ratio, said = calm(cell.values), None, ""
+        ms, disturbed = launches.ns / 1e6, int(noise.interrupted(launches).sum())
         if other is not None:
-            of_rounds = ratios(other.values, cell.values)
-            ratio = sequential.median_interval(of_rounds, stopped)
-            said = verdict(ratio, of_rounds, plan.precision)
+            rounds = ratios(other.values, cell.values)
+            disturbed = int(rounds.disturbed.sum())
+            ratio = sequential.median_interval(rounds.ratio, stopped)
+            said = verdict(ratio, rounds.ratio, None if disturbed else plan.precision)
         made.append(
             Row(
                 program=program.name,
                 case=program.case,
                 launches=len(ms),
                 ms=sequential.median_interval(ms, stopped),
-                cpu_ms=_cpu_ms(cell),
-                mib=_median(cell, "max_rss_kib", 1024),
-                instructions=_median(cell, "instructions"),
-                joules=_median(cell, "joules"),
+                cpu_ms=_cpu_ms(launches),
+                mib=_median(launches, "max_rss_kib", 1024),
+                instructions=_median(launches, "instructions"),
+                joules=_median(launches, "joules"),
                 base=f"{first.name} {first.case}".strip() if first else None,
                 ratio=ratio,
                 verdict=said,
                 modes=modes.modes(ms),
                 drift=modes.drift(ms),
                 left_out=len(cell.values) - len(ms),
+                disturbed=disturbed,
             )
         )
     return made
 
 
-def _cpu_ms(cell: Cell) -> float | None:
-    if not {"user_ns", "system_ns"} <= {*cell.values}:
+def _cpu_ms(launches: pd.DataFrame) -> float | None:
+    if not {"user_ns", "system_ns"} <= {*launches}:
         return None
-    values = (cell.values.user_ns + cell.values.system_ns).dropna()
+    values = (launches.user_ns + launches.system_ns).dropna()
     return float(values.median()) / 1e6 if len(values) else None
 
 
@@ -148,8 +151,8 @@ def slower(found: Sequence[Row], least: float) -> list[str]:
     return lines
 
 
-def _median(cell: Cell, name: str, unit: float = 1) -> float | None:
-    values = cell.values[name].dropna() if name in cell.values else ()
+def _median(launches: pd.DataFrame, name: str, unit: float = 1) -> float | None:
+    values = launches[name].dropna() if name in launches else ()
     return float(np.median(values)) / unit if len(values) else None
 
 
@@ -157,8 +160,8 @@ def precise(launches: Sequence[pd.DataFrame], programs: Sequence[Program], preci
     """Whether every ratio is known to ± `precision`, or the median of the only program. `launches`: of each
     program, by round."""
     pairs = zip(bases(programs), launches, strict=True)
-    series = [ratios(launches[base], mine) for base, mine in pairs if base is not None]
-    found = [sequential.median_interval(one) for one in series or [times(mine) for mine in launches]]
+    series = [ratios(launches[base], mine).ratio for base, mine in pairs if base is not None]
+    found = [sequential.median_interval(one) for one in series or [calm(mine).ns for mine in launches]]
     return all(sequential.within(one, precision) for one in found)
 
 
@@ -179,6 +182,10 @@ def remarks(found: Sequence[Row]) -> list[str]:
         if row.left_out:
             about = f"{row.left_out} of {row.launches + row.left_out} launches were interrupted"
             said.append(f"{row.name}: {about} by other processes and are left out")
+        if row.disturbed:
+            of = f"{row.ratio.launches} rounds" if row.ratio else f"{row.launches} launches"
+            text = f"{row.name}: other processes interrupted {row.disturbed} of its {of}"
+            said.append(f"{text}; fewer than {ENOUGH} are calm, so all count")
         if row.verdict == TWO_MODES:
             said.append(f"{row.name}: its ratio to {row.base} has two modes: there is no verdict on a median")
     return said

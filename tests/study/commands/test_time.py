@@ -5,6 +5,7 @@ Wall times are nowhere pass or fail: what is held is what was launched, how ofte
 
 import functools
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from study.core.cli import StudyError
 from study.core.host.topology import USABLE
 from study.core.run_schema import Frame, Plan
 from study.core.store import Run
+from study.numbers import noise
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 
@@ -28,6 +30,12 @@ FROM = ["--time-from", r"took ([0-9.]+)"]
 def one_context(monkeypatch: pytest.MonkeyPatch) -> None:
     """The machine is asked once: half a second."""
     monkeypatch.setattr(machine, "context", CONTEXT)
+
+
+@pytest.fixture(autouse=True)
+def undisturbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Times are printed: whoever else uses this machine interrupts none of them."""
+    monkeypatch.setattr(noise, "PREEMPTIONS", math.inf)
 
 
 @pytest.fixture

@@ -4,22 +4,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from study.numbers import programs, sequential
-from study.numbers.programs import ENOUGH
+from study.core.run_schema import Plan, Program
+from study.numbers import noise, programs, sequential
+from study.numbers.analysis import Cell, Facts
+from study.numbers.programs import ENOUGH, UNSURE
 
 BUSY = 2_000_000.0  # ns
 SLICE = 3_000_000.0  # ns, of a neighbour that takes turns on the CPU
 
 
 def launches(times: np.ndarray, interruptions: np.ndarray) -> pd.DataFrame:
-    more = {"user_ns": BUSY, "system_ns": 0.0, "ctx_involuntary": interruptions}
+    """On one CPU, of which others have what a launch takes longer than BUSY."""
+    more = {"user_ns": BUSY, "system_ns": 0.0, "unused_ns": times - BUSY, "ctx_involuntary": interruptions}
     return pd.DataFrame({"ns": times, **more})
 
 
 @pytest.mark.parametrize("calm, used", [(30, 30), (ENOUGH, ENOUGH), (ENOUGH - 1, 100), (100, 100)])
 def test_interrupted_launches_are_left_out_where_enough_others_are_there(calm, used):
     taken = (np.arange(100) >= calm).astype(int)
-    found = programs.times(launches(BUSY + SLICE * taken, taken))
+    found = programs.calm(launches(BUSY + SLICE * taken, taken)).ns
     assert len(found) == used and found.max() == BUSY + SLICE * (used > calm)
 
 
@@ -30,18 +33,50 @@ def test_a_ratio_is_of_rounds_in_which_neither_was_interrupted():
     taken = random.integers(0, 3, (2, 200)) * (np.arange(200) >= 60)
     first, second = (launches(ns + SLICE * n, n) for ns, n in zip(own, taken, strict=True))
     found = programs.ratios(first, second)
-    assert [*found.index] == [*np.flatnonzero(~taken.any(axis=0))]
-    interval = sequential.median_interval(found)
+    assert [*found.index] == [*np.flatnonzero(~taken.any(axis=0))] and not found.disturbed.any()
+    interval = sequential.median_interval(found.ratio)
     assert interval.low <= 1.02 <= interval.high and interval.high < 1.03
 
 
 def test_few_interruptions_of_a_long_launch_are_none():
     long = launches(np.full(40, 1e9), np.full(40, 20))
-    assert len(programs.times(long.assign(ns=np.arange(40) + 1e9))) == 40
+    assert len(programs.calm(long)) == 40
     rare = long.assign(ctx_involuntary=[21] * 20 + [20] * 20)
-    assert [*programs.times(rare).index] == [*range(20, 40)]
+    assert [*programs.calm(rare).index] == [*range(20, 40)]
+
+
+def test_a_program_s_own_threads_interrupt_nothing():
+    """They take turns on the one CPU, and all of its time is theirs: 1 % and .2 ms are the launcher's."""
+    own = launches(np.full(40, 1.01 * BUSY + 200_000), np.arange(40))
+    assert not noise.interrupted(own).any() and noise.others(own) == []
+    others = own.assign(unused_ns=own.unused_ns + 1)
+    assert noise.interrupted(others).sum() == 39 and len(noise.others(others)) == 1
+
+
+@pytest.mark.parametrize(
+    "interruptions, left_out, disturbed, said", [(0, 0, 0, "the same within 5 %"), (1, 0, 40, UNSURE)]
+)
+def test_a_ratio_of_rounds_that_are_all_interrupted_is_not_called_the_same(
+    interruptions, left_out, disturbed, said
+):
+    taken = np.full(40, interruptions)
+    both = [launches(BUSY + SLICE * taken, taken) for _ in range(2)]
+    cells = [Cell(name, name, 1, 1, 1, Facts(), one) for name, one in zip("ab", both, strict=True)]
+    plan = Plan(programs=[Program(name=name, case=name, command=[name]) for name in "ab"], precision=0.05)
+    _, row = programs.rows(cells, plan)
+    assert (row.left_out, row.disturbed, row.verdict) == (left_out, disturbed, said)
+    assert len(programs.remarks([row])) == bool(disturbed)
+
+
+def test_figures_are_of_the_launches_that_count():
+    """Interrupted launches take 9 J, the others 1."""
+    taken = (np.arange(40) >= 20).astype(int)
+    values = launches(BUSY + SLICE * taken, taken).assign(joules=1 + 8.0 * taken, user_ns=BUSY * (1 + taken))
+    plan = Plan(programs=[Program(name="a", case="", command=["a"])], precision=0.05)
+    (row,) = programs.rows([Cell("", "a", 1, 1, 1, Facts(), values)], plan)
+    assert (row.launches, row.left_out, row.joules, row.cpu_ms) == (20, 20, 1, BUSY / 1e6)
 
 
 def test_runs_of_other_tools_tell_no_interruption():
     read = pd.DataFrame({"ns": [1.0, 2, 3]})
-    assert [*programs.times(read)] == [1, 2, 3] and [*programs.ratios(read, read)] == [1, 1, 1]
+    assert [*programs.calm(read).ns] == [1, 2, 3] and [*programs.ratios(read, read).ratio] == [1, 1, 1]
