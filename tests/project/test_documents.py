@@ -1,4 +1,4 @@
-"""What the documents point at is there: published runs by their names, and the targets of links."""
+"""What the documents point at is there: published runs and tests by their names, and the targets of links."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ ROOT = Path(__file__).parents[2]
 BUILT = {".venv", "build", "out", "runs"}  # not of the repository
 DOCUMENTS = [path for path in sorted(ROOT.rglob("*.md")) if not BUILT & {*path.relative_to(ROOT).parts}]
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
+TEST = re.compile(r"`(tests/[\w./]+\.\w+)`")
 RUN = re.compile(r"(?:results/reference|…)/([\w.-]*\d{4}-\d\d-\d\d[\w-]*)")
 
 
 def points(text: str) -> bool:
-    """Whether the text names a published run or has a link: of some 500 generated tables none does."""
-    return bool(RUN.search(text) or LINK.search(text))
+    """Whether the text names a published run or a test, or has a link: of some 500 generated tables none does."""
+    return any(pattern.search(text) for pattern in (RUN, TEST, LINK))
 
 
 def lost(text: str, folder: Path, root: Path = ROOT) -> list[str]:
-    """Published runs that the text names, and relative targets of its links, that are not there."""
+    """Published runs and tests that the text names, and relative targets of its links, that are not there."""
     runs = [name for name in RUN.findall(text) if not (root / "results" / "reference" / name).is_dir()]
+    runs += [name for name in TEST.findall(text) if not (root / name).exists()]
     targets = [target for target in LINK.findall(text) if "://" not in target]
     return runs + [target for target in targets if not (folder / target).exists()]
 
