@@ -1,6 +1,7 @@
 // Takes a group's tree apart into leaves, and makes it a union of parts (hit/sharp.h). No vectors in here.
 #include "frame/prepare.h"
 #include "hit/sharp.h"
+#include "scene/shadow_bounds.h"
 #include "scene/vector.h"
 
 #include <math.h>
@@ -153,11 +154,40 @@ static void take_node(struct taker *w, int index, struct placed at, bool removes
     }
 }
 
+static double bound_of(const struct shape *shape) {
+    return shape ? bounding_radius(shape) : INFINITY;
+}
+
+static unsigned swapped(unsigned bits, int i) {
+    unsigned two = (bits >> i ^ bits >> (i + 1)) & 1;
+    return bits ^ (two << i | two << (i + 1));
+}
+
+// Small leaves first: rays miss them more often, and then the part.
+static void sort_leaves(struct sharp *sharp) {
+    for (int end = sharp->leaves - 1; end > 0; end--)
+        for (int i = 0; i < end; i++) {
+            const struct shape *first = sharp->shape[i];
+            if (!(bound_of(first) > bound_of(sharp->shape[i + 1])))
+                continue;
+            struct primitive leaf = sharp->leaf[i];
+            sharp->leaf[i] = sharp->leaf[i + 1];
+            sharp->leaf[i + 1] = leaf;
+            sharp->shape[i] = sharp->shape[i + 1];
+            sharp->shape[i + 1] = first;
+            for (int k = 0; k < sharp->parts; k++) {
+                sharp->part[k].kept = swapped(sharp->part[k].kept, i);
+                sharp->part[k].cut = swapped(sharp->part[k].cut, i);
+            }
+        }
+}
+
 bool take_sharp(struct sharp *sharp, const struct shape *group, const float centre[3]) {
     struct taker w = {group->group.nodes, sharp, true};
     sharp->leaves = sharp->parts = 0;
     struct placed at = {.turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                         .moved = {(double)centre[0], (double)centre[1], (double)centre[2]}};
     take_node(&w, group->group.root, at, false);
+    sort_leaves(sharp);
     return w.fits;
 }

@@ -105,6 +105,20 @@ span_at(struct spans *all, const struct sharp *sharp, int i) {
     return &all->leaf[i];
 }
 
+// Returns which points are in the leaf, or near it by rounding: this takes less than a span.
+static inline vmask near_leaf(const struct primitive *s, struct vec p) {
+    if (s->type == SHAPE_PLANE)
+        return v_mask_all();
+    p = vec_sub(p, vec_set(s->position));
+    float radius = s->bound;
+    if ((int)s->type == SHAPE_CAPSULE) {
+        p = turned(s, p);
+        p.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c));
+        radius = s->a;
+    }
+    return v_cmp_le(vec_dot(p, p), v_splat(radius * radius * (1.0f + 0x1p-8f)));
+}
+
 // Returns which rays are in the part between near and far, and sets t to the first place.
 static vmask enter_part(struct spans *all, const struct sharp *sharp, const struct sharp_part *part,
                         vfloat near, vfloat far, vfloat *t) {
@@ -117,16 +131,16 @@ static vmask enter_part(struct spans *all, const struct sharp *sharp, const stru
         if (!v_any(active))
             return active;
     }
-    unsigned cuts = 0;
-    for (unsigned rest = part->cut; rest; rest &= rest - 1)
-        if (v_any(span_at(all, sharp, __builtin_ctz(rest))->met))
-            cuts |= rest & -rest;
     for (vmask moved = active;
          v_any(moved);) { // a ray that has left a convex leaf is never in it again
         vmask last = moved;
         moved = v_mask_none();
-        for (unsigned rest = cuts; rest; rest &= rest - 1) {
-            const struct span *s = &all->leaf[__builtin_ctz(rest)];
+        for (unsigned rest = part->cut; rest; rest &= rest - 1) {
+            int i = __builtin_ctz(rest);
+            if (!(all->known >> i & 1) &&
+                !v_any(v_and(last, near_leaf(&sharp->leaf[i], vec_along(all->o, all->d, near)))))
+                continue;
+            const struct span *s = span_at(all, sharp, i);
             vmask in = v_and(s->met, v_and(v_cmp_le(s->in, near), v_cmp_lt(near, s->out)));
             in = v_and(in, last);
             near = v_select(in, s->out, near);
