@@ -41,6 +41,8 @@ static struct field_surface blend_surface(const struct field *field, const int *
     const struct program *program = field->program;
     vfloat e[MOST_SPHERES], zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(INFINITY);
     struct vec g[MOST_SPHERES], n = {zero, zero, zero};
+    if (count < 1)
+        __builtin_unreachable();
     for (int i = 0; i < count; i++) {
         struct vec v = vec_sub(p, ball_centre(field, list[i]));
         vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f)), per = v_rsqrt_newton(square);

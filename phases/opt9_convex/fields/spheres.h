@@ -41,10 +41,12 @@ __attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, 
     }
 }
 
-// Returns the blend of the listed spheres. `count` is a constant where this is inlined with one.
+// Returns the blend of 1 to MOST_SPHERES listed spheres. `count` is a constant where this is inlined with one.
 __attribute__((always_inline)) static inline struct field_along
 blend_of(const struct field *field, const int *list, int count, struct vec p, struct vec d) {
     vfloat distance[MOST_SPHERES], slope[MOST_SPHERES];
+    if (count < 1)
+        __builtin_unreachable();
     for (int i = 0; i < count; i++) {
         COUNT(group_shape, call);
         struct vec v = vec_sub(p, ball_centre(field, list[i]));
