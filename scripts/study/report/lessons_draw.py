@@ -87,6 +87,7 @@ def draw(lesson: Lesson) -> Figure:
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.7), layout="constrained", facecolor="white")
     figure.suptitle(f"{lesson.phase}: {lesson.title}", x=0.01, ha="left", fontsize=12, fontweight="bold")
     grid = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    right = 1.4 if any(panel.kind == "pairs" for panel in lesson.panels) else 1  # their values stand there
     for axes, panel in zip(grid, lesson.panels, strict=True):
         KINDS[panel.kind](axes, panel)
         axes.set_title(f"{panel.title} ({panel.unit})", loc="left", fontsize=9.5, fontweight="bold")
@@ -100,12 +101,7 @@ def draw(lesson: Lesson) -> Figure:
             for name, colour in zip(panel.series, colours, strict=False):
                 hollow = "white" if panel.kind == "pairs" and colour == BEFORE else colour
                 axes.plot([], [], "o", color=colour, markerfacecolor=hollow, label=name)
-            above = {
-                "loc": "lower right",
-                "bbox_to_anchor": (1.4 if panel.kind == "pairs" else 1, 1),
-                "ncols": 2,
-                "borderpad": 0,
-            }
+            above = {"loc": "lower right", "bbox_to_anchor": (right, 1), "ncols": 2, "borderpad": 0}
             place = {"loc": "upper left"} if panel.kind == "lines" else above
             axes.legend(**place, frameon=False, fontsize=8, handletextpad=0.1, columnspacing=1)
     figure.supxlabel(lesson.caption, x=0.01, ha="left", fontsize=7.5, color="#555555")

@@ -5,11 +5,13 @@ from functools import cache
 from pathlib import Path
 
 import complete
+import matplotlib
 import pytest
 
 from study.core import patches, registry, store
 from study.core.cli import StudyError
 from study.experiments.ablations import ideas
+from study.pictures.draw import STYLE
 from study.report import lessons, lessons_draw
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
@@ -103,6 +105,18 @@ def test_its_figure_is_what_the_published_run_says(name: str) -> None:
     assert f"]({lessons.NAME})" in notes(name)
     made = lessons.figure(name)
     assert made and path.read_text() == lessons_draw.svg(made)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(lessons.PANELS))
+def test_a_legend_of_its_figure_is_beside_the_title(name: str) -> None:
+    made = lessons.figure(name)
+    assert made
+    with matplotlib.rc_context(STYLE):
+        for axes in lessons_draw.draw(made).axes:
+            title = axes.get_title(loc="left") and axes._left_title.get_window_extent()  # pyright: ignore
+            legend = axes.get_legend()
+            assert not (title and legend and legend.get_window_extent().overlaps(title))
 
 
 WITH_IDEAS = [name for name in PHASES if ideas.of(name)]

@@ -3,8 +3,8 @@
 FOLDER has a folder a student, with the files of a phase as in phases/NAME. Each is put into phases/ under a
 name of its own while it is judged. It is built and run in a sandbox where bubblewrap works.
 
-Out of the ranking is what does not compile, keeps something of a frame, or is further from ground truth than
---decibels allows. Ties are ties: a phase shares the rank of a faster one where the interval of their ratio
+Out of the ranking is what does not compile, has a fault of memory by the sanitizers of the judge, keeps
+something of a frame, or is further from ground truth than --decibels allows. Ties are ties: a phase shares the rank of a faster one where the interval of their ratio
 holds 1.
 """
 
@@ -26,6 +26,7 @@ from study.core import cli, json_files, patches, registry, show, store
 from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
+from study.labs import memory
 from study.numbers import stats
 from study.numbers.stats import Interval
 
@@ -106,6 +107,8 @@ def verified(name: str, scene: Scene, height: int, least: float) -> Entry:
         return replace(entry, out=f"needs {', '.join(lacking)}")
     try:
         build(spec)
+        if fault := memory.looked(spec, scene, height):
+            return replace(entry, out=f"a fault of memory: {fault.said}")
         seen = judge.of_views(spec, scene, height)
         side = try_.errors((judge.BASE, spec), scene, height)[0][spec]
     except StudyError as error:
