@@ -238,7 +238,10 @@ function tell(show, says) {
   $("legend").hidden = !$("heat").value;
   $("legend").textContent =
     `Evaluations of the scene in each camera ray's march: black 0, red 6, yellow 44, white ${WHITE} and more. ` +
-    counts.map((side) => `${side.name}: ${side.shown.evaluations.toFixed(1)} a ray.`).join(" ");
+    // A phase that does not count says 1 for every ray.
+    counts
+      .map(({ name, shown: { evaluations: n } }) => (n === 1 ? `${name} does not count.` : `${name}: ${n.toFixed(1)} a ray.`))
+      .join(" ");
 }
 
 // Another view, or another way to look at it.

@@ -160,6 +160,7 @@ def test_the_difference_and_the_evaluations_are_shown(said: dict) -> None:
     assert said["difference"] > 100 and 20 < float(said["db"].partition("PSNR ")[2].split()[0]) < 60
     assert said["evaluations"][0] == pytest.approx(said["evaluations"][1], rel=1e-2)
     assert said["evaluations"][0] > 5
+    assert "1.0" not in said["uncounted"]  # of a phase that does not count
 
 
 def test_a_wrong_scene_gets_the_readers_own_message(said: dict, tmp_path: Path) -> None:

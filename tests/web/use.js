@@ -87,6 +87,9 @@ async function use() {
   key("keydown", "KeyE");
   await until(() => drawn() && sides.every((side) => side.shown.evaluations > 0));
   said.evaluations = sides.map((side) => side.shown.evaluations);
+  change("phase", "opt9_convex");
+  await until(() => drawn() && paired());
+  said.uncounted = $("legend").textContent;
   change("show", "split");
   change("heat", "");
   said.errors = BROKEN.map((text) => (take(text), $("error").textContent));

@@ -55,10 +55,12 @@ def labs() -> dict[int, Lab]:
 
 
 def measuring(lab: Lab, name: str, scene: Scene | None = None) -> str:
-    """The command of the lab's page that measures `name` beside the start. `scene`: of a crowd."""
+    """The command of the lab's page that builds and measures `name` beside the start. `scene`: of a crowd."""
     page = (FILE.parent / lab.page).read_text(encoding="utf-8")
-    found = re.search(r"^(?:make try|scripts/stepwise time) (?:.*\\\n)*.*", page, re.MULTILINE)
-    line = re.sub(r"\s*\\\n\s*", " ", found[0]).partition(" #")[0].rstrip() if found else ""
+    line = r"^(?:make try|(?:make phase-.*\n)?scripts/stepwise time) (?:.*\\\n)*.*"
+    found = re.search(line, page, re.MULTILINE)
+    lines = re.sub(r"\s*\\\n\s*", " ", found[0]).splitlines() if found else []
+    line = " && ".join(one.partition(" #")[0].rstrip() for one in lines)
     if scene:
         place = str(scene.path.relative_to(registry.ROOT))
         line = re.sub(r"\bSCENE(?= )|build/labs/scenes/\S+", place, line)

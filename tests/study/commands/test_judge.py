@@ -176,6 +176,7 @@ def test_the_line_that_measures_is_the_page_s(lab):
     if line.startswith("make try"):
         assert "+" not in lab.start or f'"--against {lab.start}"' in line
     else:
+        assert re.match(r"make phase-(opt2 phase-)?own && ", line)  # what it times is built
         assert lab.height and re.search(f" -n {lab.height}( |$)", line)
 
 

@@ -13,6 +13,7 @@ from study.commands.labs import leaderboard
 from study.commands.labs.leaderboard import Entry
 from study.core import cli, registry
 from study.core.host import sandbox
+from study.labs import memory
 
 
 def times(middle: float, seed: int, spread: float = 0.01) -> list[float]:
@@ -62,6 +63,14 @@ def test_a_page_escapes_names():
     assert "&lt;b&gt;" in text and "out &amp; away" in text and "<b>" not in text
 
 
+def test_a_fault_of_memory_is_out(monkeypatch):
+    """Before anything else is drawn."""
+    monkeypatch.setattr(leaderboard, "build", lambda spec: None)
+    monkeypatch.setattr(memory, "looked", lambda *_: memory.Fault("plane", "poison, render.c:7"))
+    entry = leaderboard.verified("opt2+by_type", registry.find_scene("trio"), 36, 50)
+    assert "render.c:7" in entry.out and entry.parent == "opt2"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", [False, True])
 def test_a_class_is_ranked(tmp_path, monkeypatch, capsys, hidden):
@@ -71,6 +80,7 @@ def test_a_class_is_ranked(tmp_path, monkeypatch, capsys, hidden):
     monkeypatch.setattr(leaderboard, "placed", lambda _: contextlib.nullcontext(found))
     monkeypatch.setattr(leaderboard, "changed", lambda n, p: 0 if n.startswith("opt3") else real(n, p))
     monkeypatch.setattr(try_, "timed_height", lambda *_: 36)
+    monkeypatch.setattr(memory, "looked", lambda *_: None)  # test_memory.py
     inside = []
 
     def measured(specs, *_):

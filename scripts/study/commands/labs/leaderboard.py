@@ -3,9 +3,9 @@
 FOLDER has a folder a student, with the files of a phase as in phases/NAME. Each is put into phases/ under a
 name of its own while it is judged. It is built and run in a sandbox where bubblewrap works.
 
-Out of the ranking is what does not compile, has a fault of memory by the sanitizers of the judge, keeps
-something of a frame, or is further from ground truth than --decibels allows. Ties are ties: a phase shares the rank of a faster one where the interval of their ratio
-holds 1.
+Out of the ranking is what does not compile, has a fault of memory by the judge's sanitizers, keeps something
+of a frame, or is further from ground truth than --decibels allows. Ties are ties: a phase shares the rank of
+a faster one where the interval of their ratio holds 1.
 """
 
 import argparse
