@@ -81,8 +81,8 @@ def test_strides_to_a_plane_are_the_parents_steps(name, width, tmp_path) -> None
     check_bits(mine, parents)
 
 
-def hall_of_mirrors() -> dict:
-    """A floor and a ceiling that mirror each other, shapes of every kind between.
+def hall_of_mirrors(bulb: bool) -> dict:
+    """A floor and a ceiling that mirror each other, shapes of every kind between, and behind perhaps a bulb.
 
     Every pixel's ray and its three mirrored ones hit what is lit, and shadow rays have other lists than they.
     """
@@ -91,17 +91,20 @@ def hall_of_mirrors() -> dict:
     ceiling = scene["shapes"][0] | {"normal": [0, -1, 0], "offset": -8}
     # Repeated, so that no cone tells anything, and every shadow ray waits.
     ball = {"type": "sphere", "radius": 0.3, "repeat": [3, 0, 0], "position": [0, -4, 12]}
-    scene["shapes"] = [shape | {"material": "glass"} for shape in [*scene["shapes"], ceiling, ball]]
+    of_bulb = {"power": 8, "iterations": 4, "bailout": 256, "position": [0, 0, -40]}
+    more = [of_bulb | {"type": "mandelbulb"}] * bulb
+    scene["shapes"] = [shape | {"material": "glass"} for shape in [*scene["shapes"], ceiling, ball, *more]]
     scene["camera"] |= {"position": [0, 4, -2], "look_at": [0, -2, 10], "vertical_fov_degrees": 30}
     scene["light"] |= {"position": [3, 7, 2]}
     return scene
 
 
+@pytest.mark.parametrize("bulb", [False, True])
 @pytest.mark.parametrize("width", EACH_WIDTH)
-def test_full_queues(width, tmp_path) -> None:
+def test_full_queues(width, bulb, tmp_path) -> None:
     """Four shadow rays of a pixel wait where there is room for one: a full queue is worked off, and
-    the rays that are under way then keep their own lists."""
-    scene = hall_of_mirrors()
+    the rays that are under way then keep their own lists. Without a Mandelbulb each group's are."""
+    scene = hall_of_mirrors(bulb)
     parents = picture(PARENT, scene, tmp_path, (256, 90))
     assert np.isfinite(parents["Z"]).all()
     check_same(picture(PHASE, scene, tmp_path, (256, 90), **WIDTHS[width]), parents, width)

@@ -11,22 +11,24 @@ enum { INTERLEAVED = 3 }; // packets of camera rays
 
 #include "simd/bulb_orbit.h" // of the names above
 
+// Sets the derivative of the first iteration, of a point that bulb_begin() has set.
+static inline void first_slope(struct scaled_orbit *b, bool exact) {
+    b->slope = v_madd(b->m * b->m * v_splat(12.0f), b->m, derivative_root(b->m, exact));
+    b->product = b->m;
+}
+
 // Takes an iteration. With A = ρ² − y², (ρ + iy)⁴ has the real part R = 2·A² − m², (ρ + iy)⁸ has 2·R² − m⁴ and
 // 8·ρ·y·A·R. The phasor (x + iz)²/ρ² is halved and its square in eighths, so k is 128 times its factor.
 static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int first, bool exact,
                              vfloat bailout) {
+    (void)first;
     ACTIVE(v_count(b->on));
     COUNT(bulb_step, call);
     vfloat x = b->x, y = b->y, z = b->z, m = b->m, square = m * m, r, per;
     if (i == 0) {
-        b->product = m;
-        b->slope = v_madd(square * v_splat(12.0f), m, derivative_root(m, exact));
+        first_slope(b, exact);
     } else {
-        if (i ==
-            first) // for points that escaped before `first` the estimate is √m too short, which is safe
-            b->product = m;
-        else
-            b->product = v_madd_where(b->on, b->product, m, v_splat(0.0f));
+        b->product = v_madd_where(b->on, b->product, m, v_splat(0.0f));
         b->slope = v_madd_where(b->on, b->slope, square * v_splat(8.0f) * m,
                                 derivative_root(b->product, exact && i <= 1));
     }

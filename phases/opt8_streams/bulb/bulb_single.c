@@ -2,17 +2,16 @@
 // the smaller of the estimate and the plane's distance. Rays that miss the bounding sphere take no steps. Rays that
 // have passed the sphere, or reached the plane, go on in march/ray_march.c.
 //
-// Where a march ends depends on the last digits of its steps. So t is the sum of two floats, and near the surface
-// bulb/bulb_chebyshev.c takes the steps. Packets step by turns. Lanes are refilled from the rays that wait as soon as
-// enough of them have ended.
-#include "bulb/bulb_chebyshev.h"
+// Where a march ends depends on the last digits of its steps. So t is the sum of two floats, and but for the first
+// steps the map's first iteration is in doubles. Packets step by turns. Lanes are refilled from the rays that wait as
+// soon as enough of them have ended.
 #include "bulb/bulb_estimate.h"
 #include "core/ray_queues.h"
 #include "core/shape_distances.h"
 #include "core/trace_context.h"
 #include "march/march_step.h"
 
-#include <string.h>
+#define CLOSE_ESTIMATE 5e-3f // no step in floats is nearer to the surface
 
 enum { REFILL_BULB_SINGLE = LANES * LANES / 32 }; // ended lanes
 
@@ -20,14 +19,21 @@ enum { REFILL_BULB_SINGLE = LANES * LANES / 32 }; // ended lanes
 
 struct bulb_packet {
     struct vec origin, direction;
+    struct vec_double wide_origin, wide_direction;
     vfloat t, t_lo, end, evals; // t is the sum of two floats
     vfloat height, slope;       // of the plane
-    vmask done, reached, met, close;
+    vmask done, reached, met;
 };
+
+static inline vdouble wide_field(const struct bulb_lanes *from, int i) {
+    return v_double_sum(from->field[i], from->field[B_LOW + i]);
+}
 
 static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
                                 vec_of_fields(from, B_DIRECTION),
+                                {wide_field(from, 0), wide_field(from, 1), wide_field(from, 2)},
+                                {wide_field(from, 3), wide_field(from, 4), wide_field(from, 5)},
                                 from->field[B_T],
                                 from->field[B_T_LOW],
                                 from->field[B_TO],
@@ -35,7 +41,6 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
                                 from->field[B_HEIGHT],
                                 from->field[B_SLOPE],
                                 v_mask_of_bits(~from->live),
-                                v_mask_none(),
                                 v_mask_none(),
                                 v_mask_none()};
 }
@@ -50,12 +55,11 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
     p->reached = v_or(p->reached, reached);
     p->met = v_or(p->met, v_cmp_nlt_in(reached, height, h));
     live = v_cmp_ngt_in(v_andnot(reached, live), p->t, p->end);
-    live = v_cmp_lt_in(live, p->evals, cap);
-    p->close = v_or(p->close, v_cmp_lt_in(live, h, v_splat(CLOSE_ESTIMATE)));
-    p->done = v_or(v_not(live), p->close);
+    p->done = v_not(v_cmp_lt_in(live, p->evals, cap));
 }
 
-// Stores the results of ended rays, and queues close ones. Neither is live any more.
+// Stores the results of ended rays for resume_march(), and frees their lanes. A ray at the plane evaluates its last
+// step again. One that marches on may have come below the plane by its last step, and so be behind the camera.
 static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat cap,
                           struct ray_queues *queues) {
     from->field[B_T] = p->t;
@@ -66,42 +70,72 @@ static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, 
     if (!ended)
         return;
     float t[LANES], t_lo[LANES], rays[LANES], evals[LANES], found[LANES];
-    vmask close = v_and(p->close, v_mask_of_bits(ended));
+    vmask capped = v_andnot(p->reached, v_cmp_ge(p->evals, cap)),
+          plane = v_andnot(p->met, p->reached);
     v_store(p->t, t);
     v_store(p->t_lo, t_lo);
     v_store(from->field[B_RAY], rays);
-    march_outcome(p->met, p->reached, p->evals, cap, evals, found);
-    for (unsigned which = ended & ~v_mask_bits(close); which; which &= which - 1) {
-        int lane = __builtin_ctz(which);
-        store_march_result(queues, (int)rays[lane], (double)t[lane] + (double)t_lo[lane],
-                           evals[lane], found[lane]);
+    v_store(p->evals - v_select_or_zero(plane, v_splat(1.0f)), evals);
+    v_store(v_select(p->met, v_splat(1.0f), v_select(capped, v_splat(0.0f), v_splat(-1.0f))),
+            found);
+    for (; ended; ended &= ended - 1) {
+        int lane = __builtin_ctz(ended), ray = (int)rays[lane];
+        int slot = (int)queues->bulb[B_SLOT][ray];
+        double all =
+            ((double)queues->bulb[B_BEFORE][ray] + (double)queues->bulb[B_BEFORE_LO][ray]) +
+            ((double)t[lane] + (double)t_lo[lane]);
+        float far = (float)all;
+        bool goes_on = found[lane] < 0 && far < 0;
+        queues->marched[MARCH_T][slot] = goes_on ? 0 : far;
+        queues->marched[MARCH_LAST_STEP][slot] = (float)(all - (double)far);
+        queues->marched[MARCH_EVALS][slot] = evals[lane];
+        queues->marched[MARCH_FOUND][slot] = found[lane];
     }
-    if (v_any(close))
-        queue_close(close, from->field[B_RAY], p->t, p->t_lo, p->evals, queues);
 }
 
-// Takes a step of all packets. Returns how many lanes have ended.
+// Takes the first iteration in doubles. The derivative only scales a step, and is in floats.
+static inline void first_iteration(struct scaled_orbit *b, const struct bulb_packet *p,
+                                   vfloat bailout) {
+    ACTIVE(v_count(b->on));
+    COUNT(bulb_step, call);
+    const struct vec_double *o = &p->wide_origin, *d = &p->wide_direction;
+    vdouble t = v_double_sum(p->t, p->t_lo), x = v_double_along(o->x, d->x, t);
+    vdouble y = v_double_along(o->y, d->y, t), z = v_double_along(o->z, d->z, t);
+    struct orbit_double low = bulb_first(x.low, y.low, z.low);
+    struct orbit_double high = bulb_first(x.high, y.high, z.high);
+    b->x = v_double_to_float((vdouble){low.x, high.x});
+    b->y = v_double_to_float((vdouble){low.y, high.y});
+    b->z = v_double_to_float((vdouble){low.z, high.z});
+    first_slope(b, true);
+    bulb_grow(b, bailout);
+}
+
+// Takes a step of all packets. Returns how many lanes have ended, or unless `wide` are close.
 __attribute__((always_inline)) static inline int step_single(const struct primitive *s,
-                                                             struct bulb_packet *p, bool soon,
+                                                             struct bulb_packet *p, bool wide,
                                                              vfloat hit_distance, vfloat cap) {
+    struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED];
-    vmask done[INTERLEAVED];
     vfloat h[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
-        done[k] = p[k].done;
+        bulb_begin(&b[k], at[k], v_not(p[k].done));
+        if (wide)
+            first_iteration(&b[k], &p[k], v_splat(s->bailout));
     }
-    bulbs(s, at, done, soon, true, h);
+    bulbs_end(s, wide, !wide, true, false, INTERLEAVED, b, at, h);
     int ended = 0;
     for (int k = 0; k < INTERLEAVED; k++) {
         advance_bulb(&p[k], h[k], hit_distance, cap);
+        if (!wide)
+            p[k].done = v_or(p[k].done, v_cmp_lt(h[k], v_splat(CLOSE_ESTIMATE)));
         ended += v_count(p[k].done);
     }
     return ended;
 }
 
-// Takes the first steps of rays, whole packets at a time, until a ray of a packet ends. These steps are alike and need
-// few iterations.
+// Takes the first steps of rays, whole packets at a time, until a ray of a packet ends or is close. These steps are
+// alike and need few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                                 vfloat hit_distance, vfloat cap) {
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
@@ -123,7 +157,7 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
                 t_lo[k] = p[k].t_lo;
                 evals[k] = p[k].evals;
             }
-            ended = step_single(s, p, true, hit_distance, cap);
+            ended = step_single(s, p, false, hit_distance, cap);
         } while (ended == before);
         for (int k = 0; k < INTERLEAVED; k++) {
             int from = first + k * LANES;
@@ -136,8 +170,8 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
     }
 }
 
-static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
-                         vfloat hit_distance, vfloat cap, struct ray_queues *queues) {
+static void march_to_ends(const struct primitive *s, int count, vfloat hit_distance, vfloat cap,
+                          struct ray_queues *queues) {
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
@@ -150,13 +184,13 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
         struct bulb_packet p[INTERLEAVED];
         int ended = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            next = refill_bulb(&lanes[k], next, count, rays);
+            next = refill_bulb(&lanes[k], next, count, queues->bulb);
             p[k] = bulb_packet_of(&lanes[k]);
             ended += v_count(p[k].done);
         }
         int enough = next < count ? ended + REFILL_BULB_SINGLE : INTERLEAVED * LANES;
         while (ended < enough)
-            ended = step_single(s, p, false, hit_distance, cap);
+            ended = step_single(s, p, true, hit_distance, cap);
         live = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
             retire_single(&p[k], &lanes[k], cap, queues);
@@ -171,20 +205,8 @@ void march_single_bulb(struct trace_context *world) {
     const struct model *model = &world->scene->model;
     vfloat hit_distance = v_max(v_splat((float)model->march.hit_distance), v_splat(0x1p-24f));
     vfloat cap = v_splat((float)step_cap(model));
-    queues->close_first = queues->close_count = queues->open_count = 0;
     step_first_together(s, queues->bulb, queues->single_count, hit_distance, cap);
-    march_floats(s, queues->bulb, queues->single_count, hit_distance, cap, queues);
-    struct chebyshev_lanes lanes[INTERLEAVED];
-    struct ray_pieces pieces = {.next = 0, .count = 0};
-    memset(lanes, 0, sizeof lanes);
-    for (;;) { // lanes may keep rays while others are marched in floats
-        march_chebyshev(s, hit_distance, cap, lanes, &pieces, queues);
-        if (queues->open_count == 0)
-            break;
-        int opens = queues->open_count;
-        queues->open_count = 0;
-        march_floats(s, queues->open, opens, hit_distance, cap, queues);
-    }
+    march_to_ends(s, queues->single_count, hit_distance, cap, queues);
     queues->single_count = 0;
 }
 

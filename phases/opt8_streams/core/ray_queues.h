@@ -1,4 +1,4 @@
-// Queues of rays that wait until they fill all lanes, and the colours of a strip, to which they add their part: a
+// Queues of rays that wait to be packed into lanes, and the colours of a strip, to which they add their part: a
 // colour is linear in every shadow and mirror ray. Sorted, packed and refilled queues: I. Wald et al., "Active thread
 // compaction for GPU path tracing" (HPG 2011); S. Boulos et al., "Adaptive ray packet reordering" (RT 2008).
 #pragma once
@@ -63,17 +63,14 @@ enum bulb_single_field {
     B_SLOPE,
     B_RAY,   // its index in `single`
     B_STEPS, // steps so far
-    B_LANE,
+    B_LOW,   // low parts of origin and direction
+    B_LANE = B_LOW + 6,
     B_BEFORE = B_LANE, // the path from the camera to t = 0, as two floats
     B_BEFORE_LO,
     B_SLOT, // its pixel
-    B_LOW,  // low parts of origin and direction
-    B_FIELDS = B_LOW + 6
+    B_FIELDS
 };
-
-// Camera rays that are close to the Mandelbulb: see bulb/bulb_chebyshev.c.
-enum close_ray_field { C_RAY, C_T, C_T_LOW, C_HAD, C_FIELDS };
-enum { BULB_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
+enum { BULB_ROOM = STRIP_PIXELS + LANES };
 
 // A worker's queues and colours.
 struct ray_queues {
@@ -84,8 +81,8 @@ struct ray_queues {
         marched[MARCH_FIELDS][STRIP_PIXELS];               // camera rays of bulb/bulb_stream.c
     int camera_slot[STRIP_PIXELS / LANES], camera_packets; // the first pixel of each packet
     unsigned camera_active[STRIP_PIXELS / LANES];
-    float bulb[B_FIELDS][BULB_ROOM], close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_ROOM];
-    int single_count, close_first, close_count, open_count;
+    float bulb[B_FIELDS][BULB_ROOM];
+    int single_count;
     float segment[SEGMENT_FIELDS][QUEUE_ROOM];
     unsigned under_way[QUEUE_ROOM / LANES]; // the rays of each packet that have not ended
     int *occluders,

@@ -140,8 +140,7 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
                           &hit[k]);
         }
     }
-    if (world->queues->mirrors > QUEUE / 2)
-        follow_mirrors(world);
+    follow_mirrors(world);
 }
 
 static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
@@ -289,7 +288,6 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
         march_single_bulb(&world);
     for (int i = 0; i < count; i++)
         render_patches(&drawn[i], i * TILE_PIXELS, job, &world);
-    follow_mirrors(&world);
     cast_shadows(&world);
     for (int i = 0; i < count; i++)
         store_colors(&drawn[i], i * TILE_PIXELS, job, queues);

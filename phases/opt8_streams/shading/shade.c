@@ -169,9 +169,10 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     return color;
 }
 
+// Without a Mandelbulb no shadow ray waits for those of other groups: neighbours have shorter lists.
 void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
            struct hit *hit) {
-    if (world->queues->shadows > QUEUE - GROUP_RAYS) {
+    if (world->queues->shadows > (world->scene->bulbs > 0 ? QUEUE - GROUP_RAYS : 0)) {
         struct shape_list list = world->group->packet[0].list;
         cast_shadows(world);
         for (int k = 0; k < GROUP; k++)
