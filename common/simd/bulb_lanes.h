@@ -1,5 +1,5 @@
 // A packet of a Mandelbulb's rays that march in floats, and how the lanes of packets that have ended get rays that wait.
-// Included by the phase's source, as simd/bulb_pieces.h.
+// Included by the source of opt8_streams and of opt9_convex.
 #pragma once
 
 struct bulb_lanes {

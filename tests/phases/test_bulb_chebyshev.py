@@ -1,6 +1,5 @@
-"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration
-(common/simd/bulb_pieces.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within
-its bounding sphere.
+"""The polynomials of opt9_convex in place of the Mandelbulb's first iteration (opt10_scene has the same),
+against the map by angles; and a camera within its bounding sphere.
 """
 
 from __future__ import annotations
@@ -16,14 +15,15 @@ from phase_pictures import needs, picture
 from study.core import patches, registry
 from study.pictures import images
 
-PHASES = ("opt8_streams", "opt9_convex")
+PHASE = "opt9_convex"
 TERMS = 6
 
 
-def source(phase: str) -> str:
+def source() -> str:
     """The files of the polynomials as one text."""
-    own = [path for name, path in sorted(patches.files(phase).items()) if "chebyshev" in name]
-    return "".join(path.read_text() for path in [registry.ROOT / "common/simd/bulb_pieces.h", *own])
+    return "".join(
+        path.read_text() for name, path in sorted(patches.files(PHASE).items()) if "chebyshev" in name
+    )
 
 
 def constant(text: str, name: str) -> float:
@@ -44,12 +44,11 @@ def mapped(p: np.ndarray) -> np.ndarray:
     return p + np.array([across * np.sin(8 * round_y), r**8 * np.cos(8 * up), -across * np.cos(8 * round_y)])
 
 
-@pytest.mark.parametrize("phase", PHASES)
-def test_polynomials_are_the_first_iteration(phase: str) -> None:
+def test_polynomials_are_the_first_iteration() -> None:
     """Off by less than 2^-24 on pieces of 20,000 rays within |p| < 1.15, half of them near the axis. The
-    derivative of opt9_convex and opt10_scene, by a cubic: by less than 2^-19 of itself.
+    derivative, by a cubic: by less than 2^-19 of itself.
     """
-    text = source(phase)
+    text = source()
     nodes, factors = table(text, "nodes"), [table(text, name).reshape(3, 3) for name in ("even", "odd")]
     random = np.random.default_rng(8)
     count = 20_000
@@ -76,19 +75,16 @@ def test_polynomials_are_the_first_iteration(phase: str) -> None:
 
     behind, before = (np.array([slope(middle + sign * way * half * u) for u in nodes]) for sign in (1, -1))
     values = behind + before, behind - before
-    if phase == "opt8_streams":  # as the point's coordinates
-        terms, off = [np.tensordot(factors[k % 2][k // 2], values[k % 2], 1) for k in range(TERMS)], 2**-24
-    else:  # fewer terms of its own: it scales a step's length alone
-        own = table(text, "slope").reshape(-1, 3)
-        assert len(own) < TERMS
-        terms, off = [row @ values[k % 2] for k, row in enumerate(own)], 2**-19
+    own = table(text, "slope").reshape(-1, 3)  # fewer terms: it scales a step's length alone
+    assert len(own) < TERMS
+    terms = [row @ values[k % 2] for k, row in enumerate(own)]
     for u in np.linspace(-1, 1, 41):
         told, true = sum(term * u**k for k, term in enumerate(terms)), slope(middle + way * half * u)
-        assert (np.abs(told - true) / true).max() < off
+        assert (np.abs(told - true) / true).max() < 2**-19
 
 
-@needs(PHASES[0])
-@pytest.mark.parametrize("phase", PHASES)
+@needs(PHASE)
+@pytest.mark.parametrize("phase", ["opt8_streams", PHASE])
 def test_a_camera_within_the_bounding_sphere(phase: str, tmp_path: Path) -> None:
     """Its picture is baseline's, in depth as much as opt4's is, averaged over 4 × 4 as well."""
     scene = json.loads(registry.scenes()["mandelbulb_closeup"].path.read_text())
