@@ -19,7 +19,7 @@ from study.experiments.flight import measure as flight
 from study.experiments.flight import tables
 from study.experiments.flight.schema import FILE, Flight
 
-RUN = registry.ROOT / "results" / "reference" / "zen4-2026-11-28"
+RUN = registry.ROOT / "results" / "reference" / "zen4-2026-11-28-flight"
 LINE = {"type": "line", "to": [1.5, 1, -3], "period": 2}
 CIRCLE = {"type": "circle", "centre": [0.5, 0, 3], "axis": [0.2, 1, 0], "period": 2}
 

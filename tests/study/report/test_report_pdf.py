@@ -12,7 +12,7 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT
 from study.numbers import analysis, ladder
 
-PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-28"
+PUBLISHED = ROOT / "results" / "reference" / "zen4-2026-11-29"
 HOSTILE = '#panic("x") $a$ <script> @ref *b* [c'
 
 

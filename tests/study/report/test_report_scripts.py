@@ -162,7 +162,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     published(folder / "published", "Held Lake", {"opt4": 4}, beside=True)
     run = Path(shutil.copytree(FIXTURE, folder / "machine" / "run"))
     complete.write(run / "original.json", {"rows": [BESIDE]})
-    shutil.copy(ROOT / "results" / "reference" / "zen4-2026-11-28" / "pareto.json", run)
+    shutil.copy(ROOT / "results" / "reference" / "zen4-2026-11-29" / "pareto.json", run)
     verify = json.loads((run / "verify.json").read_text())
     pair = next(one for one in verify["pairs"] if (one["phase"], one["scene"]) == ("opt4", "scene0"))
     for name, colour in (("reference_png", LEFT), ("png", RIGHT)):
