@@ -53,12 +53,16 @@ static vfloat march_spheres_ratio(const struct field *field, const int *list, in
                                   struct vec o, struct vec d, vmask active, vfloat near, vfloat far,
                                   vfloat best, vfloat room) {
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = near, from = near, last = zero, on = zero;
+    // On the surface that it leaves, a ray's field is 0 but for rounding: near to it that counts in the ratio.
+    vfloat own = blend_along(field, list, count, o, d, zero).f;
+    own = v_select_or_zero(v_cmp_lt(v_abs(own), v_splat(4.0f * field->least)), own);
     for (int step = 0; step < MOST_WIDEST_STEPS && v_any(active); step++) {
         ACTIVE(v_count(active));
         COUNT(widest_step, call);
         // These quotients need not wait for the field: a larger goal makes a step shorter.
         vfloat per = one / t, per_goal = one / (one + best - room);
         struct field_along a = blend_along(field, list, count, o, d, t);
+        a.f = a.f - own;
         best = v_select(active, v_min(best, v_max(a.f * per, zero)), best);
         vfloat goal = best - room, excess = v_nmadd(goal, t, a.f);
         vfloat turn = v_msub(a.slope, t, a.f);
@@ -134,8 +138,7 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     if (kept == 0 || (kept == 1 && f->sphere[list[0]] > 0))
         return best;
     if (f->blend > 0 && kept <= MOST_SPHERES)
-        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best,
-                                   v_splat(4.0f) * room);
+        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best, room);
     _Alignas(64) struct step steps[f->program->length];
     struct program part = part_of(f, list, kept, steps);
     return march_ratio(f, &part, o, d, active, begin, end, best, room);
