@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from study.bounds import ceilings, peaks
 from study.bounds.ceilings import Ceilings
 from study.bounds.roof_shares import ELEMENT, SHARES, Clocks, Roofs, below, under_load
-from study.core import store
+from study.core import registry, store
 from study.core.cli import StudyError
 from study.core.run_schema import Cpu
 from study.counting import flops, paper_rule
@@ -225,10 +225,21 @@ def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, st
     )
 
 
+def _apart(cell: Cell) -> bool:
+    """Whether a kernel ran that is other code than the general one, of which the counts are."""
+    phase = registry.phases().get(cell.phase)
+    generated = cell.facts.kernel == GENERATED and phase is not None and phase.kernel_apart
+    return generated and not registry.find_scene(cell.scene).fractal
+
+
 def points(data: Data, counted: Counted, limits: Ceilings | None) -> list[Point]:
     """One per timed configuration of one thread that has counts, in the order of the cells."""
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    made = [_point(cell, counted, limits, data, stated) for cell in data.cells if cell.threads == 1]
+    made = [
+        _point(cell, counted, limits, data, stated)
+        for cell in data.cells
+        if cell.threads == 1 and not _apart(cell)
+    ]
     return [one for one in made if one is not None]
 
 

@@ -67,6 +67,8 @@ class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     approximate: bool = False
     # Files of a source that the program has in it and compiles at run time (common/build/phase_info.py).
     embedded: list[str] = []
+    # On scenes without a fractal its kernel is other code than the general one, which alone is counted.
+    kernel_apart: bool = False
     # Its folder holds what differs from this phase's files; `without` names those left out (core.patches).
     derives: str | None = None
     without: list[str] = []

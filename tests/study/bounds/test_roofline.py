@@ -474,3 +474,13 @@ def test_no_name_lies_on_another(run: Path, tmp_path: Path) -> None:
     for i, box in enumerate(boxes):
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
         assert not any(box.overlaps(other) for other in boxes[:i]), names[i].get_text()
+
+
+def test_a_kernel_that_is_other_code_than_what_was_counted_has_no_point() -> None:
+    """opt12_fused draws solids by spans, which its general code does not; a Mandelbulb by the same code."""
+    data = analysis.load(FIXTURE.parents[2] / "results" / "reference" / "zen4-2026-11-29")
+    counted, limits, _ = roof.read(data.path, strict=False)
+    scenes: dict[str, set[str]] = {}
+    for one in roof.points(data, counted, limits):
+        scenes.setdefault(one.phase, set()).add(one.scene)
+    assert scenes["opt12_fused"] == {"mandelbulb"} and len(scenes["opt11_ideal"]) == 2
