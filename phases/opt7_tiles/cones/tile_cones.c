@@ -7,7 +7,7 @@
 
 enum { MAX_CONE_STEPS = 512 };
 
-// A cone touches a shape once the gap to it is below this part of its radius.
+// A cone touches a shape once the gap to it is below this part of spread·t.
 #define TOUCH_GAP 0.5f
 
 // The result of one step: the cones that touch a shape, the least distance to a shape not met, and the depth of the
