@@ -170,15 +170,20 @@ def test_a_capped_march_finds_more_of_the_true_hits(tmp_path) -> None:
 
 
 def test_what_cannot_be_trusted_starts_at_the_camera(tmp_path) -> None:
-    """A cone repeated along its axis jumps at its cells' walls; a camera within a shape, or out of bounds."""
+    """A cone repeated along its axis, or a group with one, jumps at its cells' walls; a Mandelbox's estimate is
+    no bound; a camera within a shape, or out of bounds."""
     whole = FEATURES["everything"]
     cone = {"type": "cone", **SIZES["cone"], "repeat": [0, 4, 0], "material": "plain", "position": [0, 0, 6]}
     ball = {"type": "sphere", "radius": 2, "material": "plain", "position": [0, 0, 0]}
+    group = {"type": "group", "operation": "union", "shapes": [cone], "position": [0, 0, 1]}
+    box = {"type": "mandelbox", **SIZES["mandelbox"], "material": "plain", "position": [0, 0, 9]}
     camera = whole["camera"] | {"position": [0, 0.3, 0], "look_at": [0, 0, 6], "up": [0, 1, 0]}
     ahead = ball | {"position": [0, 0, 6]}
     outside = camera | {"position": [0, 0.3, -101]}
     for shapes, view, count in (
         ([cone, ahead], camera, None),
+        ([group, ahead], camera, None),
+        ([box, ahead], camera, 2),
         ([ball, ahead], camera, 2),
         ([ahead], outside, 1),
     ):
