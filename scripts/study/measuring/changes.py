@@ -10,7 +10,7 @@ from study.core import show
 from study.core.registry import BASE
 from study.counting.schema import Counts
 from study.measuring.two_runs import Side, other_machine, other_work
-from study.numbers import analysis, modes, significance, stats
+from study.numbers import analysis, modes, programs, significance, stats
 from study.numbers.significance import LEVEL, corrected, longer
 from study.numbers.stats import ENOUGH, Interval
 
@@ -76,7 +76,10 @@ class Row:
 
 def _values(side: Side) -> dict[Key, pd.DataFrame]:
     """Configuration → its launches: ns, core_cycles, core_hz (NaN where the run has none)."""
-    return {key: cell.values for key, cell in analysis.by_key(analysis.cells_of(side.frames)).items()}
+    return {
+        key: programs.calm(cell.values)
+        for key, cell in analysis.by_key(analysis.cells_of(side.frames)).items()
+    }
 
 
 def ratio(base: pd.Series, other: pd.Series) -> Interval | None:

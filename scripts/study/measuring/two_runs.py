@@ -76,11 +76,12 @@ def other_work(*sides: Side) -> dict[str, str]:
     """Scene → why its times cannot be compared: of another content, or by other limits."""
     found = {}
     for scene, both in _of_scene(sides):
+        of = f"{scene}: " if scene else ""  # a program without a case
         for column in LIMITS:
             first, second = (sorted(set(frames.get(column, ()))) for frames in both)
             if first != second:
                 said = " and ".join(", ".join(map(str, each)) for each in (first, second))
-                found.setdefault(scene, f"{scene}: {column} differs ({said}); only the same work compares")
+                found.setdefault(scene, f"{of}{column} differs ({said}); only the same work compares")
     return found
 
 

@@ -1,6 +1,7 @@
 """One phase over many runs: its times by machine and date, and where they step."""
 
 import functools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from study.core import show
 from study.core.json_files import stored
 from study.core.registry import BASE
 from study.core.store import Run
-from study.numbers import analysis, stats
+from study.numbers import analysis, programs, stats
 from study.numbers.analysis import Cell
 from study.numbers.stats import Interval
 
@@ -78,7 +79,7 @@ def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[
             if cell.spec != spec or (scenes and cell.scene not in scenes):
                 continue
             base = cells.get((*key[:-1], BASE)) if spec != BASE else None
-            facts, ns = cell.facts, cell.values.ns
+            facts, ns = cell.facts, programs.calm(cell.values).ns
             lanes = int(facts.lanes) if facts.lanes and facts.lanes == facts.lanes else None
             work = (about[0], *key, cell.scene_hash, facts.hit_distance, facts.max_steps, lanes)
             change = stats.ratio_interval(last[work], ns, rounds=False) if work in last else None
@@ -103,5 +104,5 @@ def shown(points: Sequence[Point]) -> list[dict[str, object]]:
             step = f"{'faster' if point.change.value > 1 else 'slower'} {point.change.text()}"
         told = {"size": point.size, "ms": point.ms.text(), "lanes": point.lanes or "", "step": step}
         told["over_base"] = point.over_base.text(".4g") if point.over_base else ""
-        made.append(vars(point) | told | {"ghz": f"{point.ghz:.2f}"})
+        made.append(vars(point) | told | {"ghz": "" if math.isnan(point.ghz) else f"{point.ghz:.2f}"})
     return made

@@ -6,6 +6,7 @@ Wall times are nowhere pass or fail: what is held is what was launched, how ofte
 import functools
 import json
 import math
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -249,6 +250,24 @@ def test_what_is_wrong_is_one_line(stepwise, tmp_path, words, said):
 )
 def test_an_option_that_makes_no_sense_is_refused(stepwise, words):
     assert stepwise("time", *words, "--", "true").returncode == cli.BAD_INPUT
+
+
+def test_interrupted_launches_are_in_no_comparison(stepwise, timed, tmp_path, monkeypatch):
+    """Of 30 launches of 10 ms the last 20 are made to take 30 ms, of which others had 20."""
+    timed(*FROM, "--launches", 30, "--warmup", 0, "--", "echo took 10 ms")
+    (before,) = (tmp_path / "results").glob("*/*")
+    after = shutil.copytree(before, before.parent / "later")
+    lines = [json.loads(line) for line in (after / "frames.jsonl").read_text().splitlines()]
+    for place, line in enumerate(lines):
+        line["ctx_involuntary"] = 0
+        if place >= 10:
+            line |= {"ns": 30e6, "user_ns": 10_000_000, "unused_ns": 20_000_000, "ctx_involuntary": 9}
+    (after / "frames.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    monkeypatch.setattr(noise, "PREEMPTIONS", 20)
+    (row,) = emitted.result(stepwise("compare", before, after, "--json").stdout)["rows"]
+    assert row["time"]["value"] == 1 and row["time"]["launches"] == 10
+    points = emitted.result(stepwise("compare", "--history", "echo took 10 ms", after, "--json").stdout)
+    assert [one["ms"]["value"] for one in points["points"]] == [10]
 
 
 @pytest.mark.slow
