@@ -182,7 +182,7 @@ CALL struct material node_material(struct vec3 p, const struct node *nodes, int 
         return materials[node->shape.material];
     COUNT(node_material, group);
     struct material mixed = {0};
-    double beyond, end;
+    double beyond, end = 0.0;
     struct vec3 q = node_point(p, node), r = twist_point(q, node, &beyond);
     child_distances(r, nodes, index, room);
     int best = least_child(room, node->children), child = 0;

@@ -38,7 +38,7 @@ HEADS = (
     "time of a frame, ms [95 %]",
     "dB to truth",
     "evaluations of a camera ray",
-    "parent",
+    "parent, lines changed",
 )
 
 
@@ -108,12 +108,13 @@ def verified(name: str, scene: Scene, height: int, least: float) -> Entry:
     try:
         build(spec)
         if fault := memory.looked(spec, scene, height):
-            return replace(entry, out=f"a fault of memory: {fault.said}")
+            return replace(entry, out=f"a fault of memory: {fault.said.replace(f'phases/{name}/', '')}")
         seen = judge.of_views(spec, scene, height)
         side = try_.errors((judge.BASE, spec), scene, height)[0][spec]
     except StudyError as error:
         said = str(error).splitlines()
-        return replace(entry, out=next((line for line in said if "error:" in line), said[0]).strip())
+        why = next((line for line in said if "error:" in line), said[0]).strip()
+        return replace(entry, out=why.replace(f"phases/{name}/", ""))
     entry = replace(entry, psnr_db=side.truth.shown.psnr_db, evaluations=side.evaluations)
     if not seen.passed:
         return replace(entry, out="a frame keeps something of another")
@@ -137,7 +138,7 @@ def ranked(entries: Sequence[Entry], ms: dict[str, list[float]]) -> list[Entry]:
 
 def cells(one: Entry) -> tuple[str, ...]:
     if one.out:
-        return ("–", one.name, one.out, "", "", f"{one.parent}, {one.changed} lines")
+        return ("–", one.name, one.out, "", "", f"{one.parent}, {one.changed}")
     work = show.number(one.evaluations, 4)
     decibels = show.number(one.psnr_db)
     return (
@@ -146,7 +147,7 @@ def cells(one: Entry) -> tuple[str, ...]:
         show.spread(one.ms, 4),
         decibels,
         work,
-        f"{one.parent}, {one.changed} lines",
+        f"{one.parent}, {one.changed}",
     )
 
 
