@@ -43,7 +43,7 @@ def thumbnail(path: Path) -> np.ndarray:
 
 
 def chosen(verified: Verify, scenes: Sequence[str] | None, specs: Sequence[str] | None) -> Verify:
-    """Of these scenes and phases alone. Raises StudyError for one that was not verified."""
+    """What was verified of these scenes and phases alone. Raises StudyError for one that was not verified."""
     made = verified
     for key, wanted in (("scene", scenes), ("phase", specs)):
         known = {getattr(pair, key) for pair in verified.pairs or []}

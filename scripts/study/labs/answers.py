@@ -58,7 +58,7 @@ class Judged:
 
 
 def questions(kind: str, student: int) -> list[Question]:
-    """Of the lab that the function study.labs.MODULE.NAME draws. Raises StudyError."""
+    """Questions of the lab that the function study.labs.MODULE.NAME draws. Raises StudyError."""
     module, _, name = kind.rpartition(".")
     made: list[Question] = getattr(importlib.import_module(f"study.labs.{module}"), name)(student)
     return made

@@ -176,7 +176,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
     assert experiment.section(SimpleNamespace(path=tmp_path)).parts == []
     made = Views(
         **{"schema": 1, "n": 90, "error_n": 45, "launches": 6, "rows": every, "left_out": []},
-        **{"failures": [], "rungs": gains.over_views(every)},
+        **{"failures": [], "steps": gains.over_views(every)},
     )
     store.write_json(tmp_path / command.FILE, made)
     chapter = experiment.section(SimpleNamespace(path=tmp_path))
@@ -192,7 +192,7 @@ def test_a_step_loses_where_it_is_surely_slower_by_over_three_percent() -> None:
     unsure = Interval.of(stats.ratio_interval([100.0] * 3 + [80.0] * 4, [100.0] * 7))  # 1.25 by its median
     some = [row("trio", "own", 0.5), row("trio", "left", 0.1), row("cubes", "own", 1 / 1.02)]
     every = with_parents([*some, row("lattice", "own", 1, ratio=unsure), row("scene0", "own", 2)])
-    made = SimpleNamespace(rows=every, rungs=gains.over_views(every))
+    made = SimpleNamespace(rows=every, steps=gains.over_views(every))
     (found,) = tables.losses(made)
     cells = {scene: (text.partition("×")[0], mark) for (scene, _), (text, mark) in found.table.cells}
     assert cells == {
@@ -216,6 +216,6 @@ def test_from_end_to_end(tmp_path: Path) -> None:
         base, one = known["baseline", view], known["opt1", view]
         assert one.ratio.value == pytest.approx(base.ns[0] / one.ns[0])
         assert one.reference == "truth" and one.psnr_db == base.psnr_db  # the same bits
-    (found,) = made.rungs
+    (found,) = made.steps
     assert found.views == 4 and math.isnan(found.median.ends[1])
     assert (tmp_path / "figures" / "views-ratios.png").stat().st_size > 1000

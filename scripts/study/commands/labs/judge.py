@@ -144,7 +144,7 @@ def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
 
 
 def of_work(lab: Lab, works: Sequence[int | None]) -> Check:
-    """Of the FLOPs or calls of start and solution."""
+    """Check of the FLOPs or calls of start and solution."""
     less = bool(works[0] and works[1] is not None and works[1] <= lab.share * works[0])
     what = "FLOPs" if lab.calls == "flops" else f"calls of {lab.calls}"
     counts = " → ".join(f"{work:,}" if work is not None else "not counted" for work in works)
@@ -173,7 +173,7 @@ def drawn(both: try_.Sides, scene: Scene, height: int, threads: int = 1) -> bool
 
 
 def of_others(lab: Lab, both: try_.Sides) -> list[Check]:
-    """Of the bits on scenes that ask for more of the idea than the lab's own."""
+    """Checks of the bits on scenes that ask for more of the idea than the lab's own."""
     scenes = [registry.scene_at(registry.ROOT / place) for place in lab.also]
     said = f"every bit as {lab.start}'s on "
     return [Check(one.name, drawn(both, one, lab.height), said + one.name) for one in scenes]

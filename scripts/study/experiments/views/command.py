@@ -56,7 +56,7 @@ def measure(args: argparse.Namespace) -> Outcome:
         seconds=seconds if math.isfinite(seconds) else None,
         reference=gains.BASE,
         rows=rows,
-        rungs=gains.over_views(rows),
+        steps=gains.over_views(rows),
         left_out=left_out + plan.left_out,
         failures=plan.failures,
     )

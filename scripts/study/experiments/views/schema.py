@@ -100,7 +100,7 @@ class Views(Measured, kw_only=True):
     seconds: Annotated[float | None, key("s", "allowed")] = None
     reference: Annotated[str | None, key("", "where truth is not had")] = None
     rows: Annotated[list[Row], key("", "the views", min_length=1)]
-    rungs: Annotated[list[Gain], key("", "phases that have a parent")]
+    steps: Annotated[list[Gain], key("", "phases that have a parent")]
     left_out: Annotated[list[LeftOut], key("", "what the seconds did not suffice for")]
     failures: Annotated[list[LeftOut], key("", "crashes")]
 

@@ -104,7 +104,7 @@ def losses(result: Views) -> list[Part]:
         if row.view == OWN and row.ratio:
             lines.setdefault(row.scene, {})[row.phase] = row
     columns = [Column("", "scene", lambda line: show.picture(next(iter(line.values()))))]
-    for gain in result.rungs:
+    for gain in result.steps:
         told = partial(_over_parent, gain.phase), partial(_lost, gain.phase)
         columns.append(Column("time over its parent's", f"{gain.phase} [95\u00a0%]", *told))
     return part("views-losses", LOSES_WHERE, [*lines.values()], columns, LOSES_NOTE)
@@ -114,7 +114,7 @@ def parts(result: Views) -> list[Part]:
     size = f"times at n = {result.n}, errors at n = {result.error_n}"
     caption = f"Each phase against its parent, on views it was not tuned on; {size}"
     return [
-        *part("views", caption, result.rungs, GAINS),
+        *part("views", caption, result.steps, GAINS),
         *losses(result),
         *part("views-points", "Every program on every view", result.rows, POINTS),
         *left_out("views-left-out", [*result.failures, *result.left_out]),
@@ -123,7 +123,7 @@ def parts(result: Views) -> list[Part]:
 
 def ratios(result: Views) -> Figure:
     """A column a phase: a mark for each view, the median of the others as a bar."""
-    found = result.rungs
+    found = result.steps
     figure = Figure(figsize=(max(8, 1.5 * len(found) + 2.6), 4.4), layout="constrained")
     title = "Gain of each phase over its parent, view by view; by name: the view of least gain (scene, place)"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
@@ -163,12 +163,12 @@ def ratios(result: Views) -> Figure:
 def drawings(result: Views) -> dict[str, Drawing]:
     caption = "Gain of each phase over its parent on every view"
     drawn = Drawing(caption, note(result), lambda: ratios(result))
-    return {"views-ratios": drawn} if result.rungs else {}
+    return {"views-ratios": drawn} if result.steps else {}
 
 
 def answer(result: Views) -> str:
     """How many phases gain in the median of views that nothing was tuned on, and the least of all gains."""
-    found = [(one.median.ends, one) for one in result.rungs if one.median]
+    found = [(one.median.ends, one) for one in result.steps if one.median]
     found = [(ends, one) for ends, one in found if math.isfinite(ends[1])]
     if not found:
         return ""
