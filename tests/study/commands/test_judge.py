@@ -1,6 +1,9 @@
 """The labs: each judged on the ladder's solution and on wrong ones. Times are made up, the rest is real."""
 
 import re
+import shlex
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -94,6 +97,19 @@ def test_a_student_s_own_phase_is_judged(name, start, fails, tmp_path):
     registry.phases.cache_clear()
     check = judge.of_source(judge.labs()[4], name, tmp_path)
     assert check.passed == (fails is None) and (fails is None or check.name == fails)
+
+
+def test_baseline_compiles_where_its_calls_are_inlined(tmp_path):
+    """As a student of lab 1 tries: a warning in a file that is not theirs would stop them."""
+    shutil.copytree(ROOT / "phases" / "baseline", tmp_path, dirs_exist_ok=True)
+    header = (tmp_path / "vec.h").read_text()
+    call = "__attribute__((noipa, unused)) static"
+    assert call in header
+    (tmp_path / "vec.h").write_text(header.replace(call, "__attribute__((unused)) static inline"))
+    words = shlex.split("gcc -std=c11 -D_GNU_SOURCE -O3 -Wall -Wextra -Werror -Icommon -c -o /dev/null")
+    for source in tmp_path.glob("*.c"):
+        done = subprocess.run([*words, source], cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
