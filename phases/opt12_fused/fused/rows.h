@@ -18,15 +18,18 @@ INLINE bool mirrors_nothing(int i, const struct fused_span *span, const struct f
            (black && !span->reflected && f->frame.planes == (uint64_t)1 << i);
 }
 
-// A plane alone, its light from polynomials.
-INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
+// A plane alone, its light from polynomials, or else pixel by pixel.
+INLINE void plane_span(int i, const bool smooth, const struct fused *f, const struct row r[ROWS],
                        const struct fused_span *span, const struct smooth w[ROWS]) {
     bool dark = scene_known.model.shadows != SHADOWS_NONE && (f->low[i] || span->darkeners);
     for (int x = span->x0; x < span->x1; x += LANES) {
         struct plane_light light[ROWS];
         vfloat share[ROWS];
         EACH_ROW(k) {
-            light[k] = smooth_at(i, &w[k], x, f);
+            if (smooth)
+                light[k] = smooth_at(i, &w[k], x, f);
+            else
+                light_nodes(i, look(f, &r[k], x), f, &light[k]);
             share[k] = v_splat(1.0f);
         }
         if (dark) {
@@ -46,7 +49,7 @@ INLINE void plane_span(int i, const struct fused *f, const struct row r[ROWS],
 INLINE void smooth_lanes(int i, struct ends end[ROWS], int x, const struct fused_span *span,
                          const struct smooth w[ROWS], const struct fused *f,
                          struct vec color[ROWS]) {
-    if (w[0].plane != i || !mirrors_nothing(i, span, f))
+    if (w[0].plane != i || !w[0].spacing || !mirrors_nothing(i, span, f))
         return;
     vmask on[ROWS];
     EACH_ROW(k) on[k] = v_and(end[k].hit.found, is_shape(end[k].hit.shape, i));
@@ -203,7 +206,11 @@ INLINE void sphere_span(int i, const struct fused *f, const struct row r[ROWS],
 #define SPAN(i)                                                                                    \
     NOINLINE void plane_span_##i(const struct fused *f, const struct row r[ROWS],                  \
                                  const struct fused_span *span, const struct smooth w[ROWS]) {     \
-        plane_span(i, f, r, span, w);                                                              \
+        plane_span(i, true, f, r, span, w);                                                        \
+    }                                                                                              \
+    NOINLINE void plain_span_##i(const struct fused *f, const struct row r[ROWS],                  \
+                                 const struct fused_span *span, const struct smooth w[ROWS]) {     \
+        plane_span(i, false, f, r, span, w);                                                       \
     }                                                                                              \
     NOINLINE void set_smooth_##i(int spacing, int x0, int x1, const struct fused *f,               \
                                  const struct row *r, struct smooth *w) {                          \
@@ -225,7 +232,7 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
 #define SPAN(i)                                                                                    \
     if (span->kind == SPAN_PLANE && span->shape == (i) && w[0].plane == (i) &&                     \
         mirrors_nothing(i, span, f)) {                                                             \
-        plane_span_##i(f, r, span, w);                                                             \
+        (w[0].spacing ? plane_span_##i : plain_span_##i)(f, r, span, w);                           \
         return;                                                                                    \
     }
     EACH_PLANE(SPAN)
@@ -257,11 +264,12 @@ static int spacing_of(const struct fused *f, const struct fused_span *spans, int
         *x0 = int_min(*x0, spans[k].x0);
         *x1 = spans[k].x1;
     }
-    *plane = seen ? __builtin_ctzll(seen) : -1;
+    *plane = -1;
     if (!seen || seen & (seen - 1) || (f->any_low && f->frame.planes != seen))
         return 0;
-    if (f->light_height[*plane] <= 0.0f)
+    if (f->light_height[__builtin_ctzll(seen)] <= 0.0f)
         return 0;
+    *plane = __builtin_ctzll(seen);
     int spacing = fused_spacing(&f->frame, *plane, y, rows, *x0, *x1, SMOOTH_ERROR);
     return spacing && (*x1 - *x0) / spacing + 2 <= PIECES - 2 * LANES ? spacing : 0;
 }
@@ -311,7 +319,8 @@ static void draw_rows(const struct fused *f, const struct fused_band *band, int 
         float up = (float)(f->frame.height - 1 - 2 * row) * f->per;
         r[k] = (struct row){vec_along(vec_set(f->forward), vec_set(f->up), v_splat(up)), up, row, 0,
                             job->frame->rgb + 3 * (size_t)row * (size_t)f->frame.width};
-        w[k].plane = -1;
+        w[k].plane = plane;
+        w[k].spacing = 0;
 #define SET(i)                                                                                     \
     if (spacing && plane == (i))                                                                   \
         set_smooth_##i(spacing, x0, x1, f, &r[k], &w[k]);
