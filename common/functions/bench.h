@@ -141,5 +141,5 @@ bool print_times(const struct runnable *all, size_t count, const struct settings
 bool print_normalise(const struct entries *const *files, size_t count,
                      const struct settings *settings);
 
-// main.c: returns whether the CPU has the instruction set of these entries.
+// isa.c: returns whether the CPU has the instruction set of these entries.
 bool runs_here(const struct entries *of);

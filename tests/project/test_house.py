@@ -156,6 +156,13 @@ def test_no_two_files_of_common_call_each_other() -> None:
     assert len(objects) > 10 and cycle(calls(objects)) == []
 
 
+@pytest.mark.slow
+def test_no_two_files_of_the_function_bench_call_each_other() -> None:
+    build("functions", "bench")
+    objects = sorted((ROOT / "build/functions").glob("*.o"))
+    assert len(objects) > 10 and cycle(calls(objects)) == []
+
+
 # Pairs of files that call each other: an entry is a fault that is known, and goes with it.
 MUTUAL = {
     "opt4": [{"march", "shade"}],
