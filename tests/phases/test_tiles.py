@@ -170,8 +170,8 @@ def test_a_capped_march_finds_more_of_the_true_hits(tmp_path) -> None:
 
 
 def test_what_cannot_be_trusted_starts_at_the_camera(tmp_path) -> None:
-    """A cone repeated along its axis, or a group with one, jumps at its cells' walls; a Mandelbox's estimate is
-    no bound; a camera within a shape, or out of bounds."""
+    """A cone repeated along its axis, or a group with one, jumps at its cells' walls; a Mandelbox's
+    estimate is no bound; a camera within a shape, or out of bounds."""
     whole = FEATURES["everything"]
     cone = {"type": "cone", **SIZES["cone"], "repeat": [0, 4, 0], "material": "plain", "position": [0, 0, 6]}
     ball = {"type": "sphere", "radius": 2, "material": "plain", "position": [0, 0, 0]}

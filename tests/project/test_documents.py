@@ -20,7 +20,7 @@ RUN = re.compile(r"(?:results/reference|…)/([\w.-]*\d{4}-\d\d-\d\d[\w-]*)")
 
 
 def points(text: str) -> bool:
-    """Whether the text names a published run or a test, or has a link: of some 500 generated tables none does."""
+    """Whether the text names a run or a test, or has a link: of some 500 generated tables none does."""
     return any(pattern.search(text) for pattern in (RUN, TEST, LINK))
 
 
