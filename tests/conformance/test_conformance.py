@@ -256,7 +256,7 @@ def test_overrides(phase: str) -> None:
 def documented_keys() -> set[str]:
     """The keys of a frame by its schema, less those that a sweep adds, and those of other programs."""
     of_sweep = {"config", "launch", "round", "env_bytes", "time", "joules"}
-    of_sweep |= {"user_ns", "system_ns", "instructions", "exit_status"}
+    of_sweep |= {"user_ns", "system_ns", "unused_ns", "instructions", "exit_status"}
     return {name for name, *_ in schema.fields(Frame)} - of_sweep
 
 
