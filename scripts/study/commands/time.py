@@ -55,13 +55,8 @@ MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
-SEEN = (
-    "ns",
-    "user_ns",
-    "system_ns",
-    "unused_ns",
-    "ctx_involuntary",
-)  # of a launch, by the rule for when to stop
+# What the rule for when to stop sees of a launch.
+SEEN = ("ns", "user_ns", "system_ns", "unused_ns", "ctx_involuntary")
 
 
 def precision(text: str) -> float:
