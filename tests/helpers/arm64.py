@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -23,10 +24,10 @@ needs_arm64 = pytest.mark.skipif(bool(arm64_missing()), reason=f"aarch64: {arm64
 def program(phase: str, target: str = "render") -> Path:
     """A script that runs a phase's program of the cross build, with its arguments and environment."""
     made = build(phase, target, FOLDER, tuple(SETTINGS[FOLDER]))
-    script = made.with_name(f"{target}.sh")
-    script.write_text(f'#!/bin/sh\nexec {" ".join(EMULATOR)} {made} "$@"\n')
-    script.chmod(0o755)
-    return script
+    script, written = made.with_name(f"{target}.sh"), made.with_name(f"{target}.{os.getpid()}.sh")
+    written.write_text(f'#!/bin/sh\nexec {" ".join(EMULATOR)} {made} "$@"\n')
+    written.chmod(0o755)
+    return written.replace(script)  # whole at once: another worker may be running the one that stands there
 
 
 def built(target: str, folder: str = FOLDER) -> Path:
