@@ -5,7 +5,7 @@
 
 A trial lets each tool compare both, with its own defaults; which stands first is random. In every other
 trial a neighbour begins in the tool's mid-run: a busy process on each CPU. Nothing else may run meanwhile.
-The programs spin for fixed counts, 10 ms and 2 % more. hyperfine is to be installed; PYTHON is of an
+The programs spin for fixed counts, 13 ms and 2 % more. hyperfine is to be installed; PYTHON is of an
 environment with pyperf.
 """
 
@@ -36,7 +36,7 @@ int main(int argc, char **argv) {
     return x < 0;
 }
 """
-SLOWER, MS = 1.02, 10.0
+SLOWER, MS = 1.02, 13.0
 RIGHT, WRONG, OPEN = "right", "wrong", "not told"
 
 
@@ -95,10 +95,10 @@ def pyperf(python: str):
 
 
 def neighbour(spin: Path, after: float, over: threading.Event) -> None:
-    """Spins on every CPU from `after` seconds on, until the tool is over."""
+    """Spins on every CPU that is ours from `after` seconds on, until the tool is over."""
     if over.wait(after):
         return
-    busy = [subprocess.Popen([spin, str(10**15)]) for _ in range(os.cpu_count() or 1)]
+    busy = [subprocess.Popen([spin, str(10**15)]) for _ in os.sched_getaffinity(0)]
     over.wait()
     for one in busy:
         one.kill()

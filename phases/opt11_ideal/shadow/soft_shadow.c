@@ -1,4 +1,4 @@
-// Soft shadows without a march: the least strength·h(t)/t between the start of a shadow ray and the light, solid by
+// Soft shadows without a march: the least h(t)/t between the start of a shadow ray and the light, solid by
 // solid. The scene's least ratio is the least over its shapes, in any order.
 #include "bvh/bvh_lists.h"
 #include "repetition/repeated_rays.h"
