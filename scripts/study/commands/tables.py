@@ -16,7 +16,7 @@ from study.experiments.section import Section
 from study.numbers import accuracy, analysis, ladder
 from study.numbers import columns as ladder_columns
 from study.numbers.analysis import Data
-from study.report import appendix, chapters, front_page
+from study.report import appendix, chapters, published_tables
 
 REFERENCE = ROOT / "results" / "reference"
 PAGES = {  # option → the page with a block that is made anew, and the block's name in its marks
@@ -64,7 +64,7 @@ def systems_block(data: Data) -> str:
 def machines_block() -> str:
     """Of every published run of 1280×720."""
     folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
-    return front_page.machines_block([analysis.load(folder) for folder in folders])
+    return published_tables.machines_block([analysis.load(folder) for folder in folders])
 
 
 def exact_surfaces() -> pd.DataFrame | None:
@@ -85,10 +85,10 @@ def rewritten(option: str, data: Data, rows: pd.DataFrame) -> str:
     """The text of the option's page with its block made anew. Raises StudyError without marks."""
     page, name = PAGES[option]
     make = {
-        "readme": lambda: front_page.ladder_block(data, rows, exact_surfaces()),
+        "readme": lambda: published_tables.ladder_block(data, rows, exact_surfaces()),
         "systems": lambda: systems_block(data),
         "machines": machines_block,
-        "limit": lambda: front_page.limit_block(data, rows),
+        "limit": lambda: published_tables.limit_block(data, rows),
         "artifact": lambda: appendix.block(data, all_sections(data, rows)),
     }
     marks = (f"<!-- {name}:{end} -->" for end in ("begin", "end"))

@@ -8,7 +8,7 @@ from study.core import provenance, show
 from study.core.registry import ROOT
 from study.experiments.section import Section
 from study.numbers.analysis import Data
-from study.report import front_page
+from study.report import published_tables
 
 
 class Claim(NamedTuple):
@@ -56,7 +56,7 @@ def block(data: Data, sections: Sequence[Section]) -> str:
         ]
         for one in CLAIMS
     ]
-    table = front_page.markdown(["claim", "command", "minutes", "what a run found"], lines)
+    table = published_tables.markdown(["claim", "command", "minutes", "what a run found"], lines)
     path = data.path.resolve()
     run = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path.name
     note = f"Run `{run}`: {show.inert(provenance.place(data.context))}."

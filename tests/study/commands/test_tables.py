@@ -19,7 +19,7 @@ from study.experiments.sweep import chapter
 from study.numbers import analysis, ladder, paper, stats, summary
 from study.numbers import columns as ladder_columns
 from study.pictures import ladder as figures
-from study.report import front_page
+from study.report import published_tables
 
 ROOT = Path(__file__).parents[3]
 pytestmark = pytest.mark.usefixtures("few_resamples")
@@ -178,7 +178,7 @@ def test_a_phase_that_draws_the_ideal_shadow_is_held_against_the_ideal_picture(r
         opt4 = row(run, "scene0", "opt4", 180)
         assert chapter.to_truth(opt4) == sentence
         assert figures.truth_text(opt4) == short
-        assert front_page._cells({"scene0": opt4}, False)[1] == short.replace(" dB", "")
+        assert published_tables._cells({"scene0": opt4}, False)[1] == short.replace(" dB", "")
 
 
 def test_a_mandelbulb_is_held_against_its_exact_surface_where_the_run_has_it(run: Path) -> None:
@@ -191,9 +191,9 @@ def test_a_mandelbulb_is_held_against_its_exact_surface_where_the_run_has_it(run
         assert (one["truth_own_db"], one["truth_psnr_db"]) == (own, 51.4)
         assert show.gone(one["truth_surface_db"]) is remark
         assert ("march" in figures.truth_text(one)) is remark
-        assert ("march" in front_page._cells({"mandelbulb": one | {"ms": 1.0}}, False)[-1]) is remark
+        assert ("march" in published_tables._cells({"mandelbulb": one | {"ms": 1.0}}, False)[-1]) is remark
     bare = ladder.rows(analysis.load(run)).drop(columns=[name for name in one if name.startswith("truth_")])
-    block = front_page.ladder_block(analysis.load(run), bare, pd.DataFrame([{**one, "run": "another"}]))
+    block = published_tables.ladder_block(analysis.load(run), bare, pd.DataFrame([{**one, "run": "another"}]))
     assert "42.8" in next(line for line in block.splitlines() if "`opt4`" in line)
     assert "of the run another" in " ".join(block.split())
 
@@ -380,11 +380,11 @@ def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
     base |= {"ours_over_theirs": {"value": 0.8}}
     rows = [base, base | {"phase": "opt4", "theirs_launches_ms": [20.0] * 6, "psnr_display_db": 31.7}]
     complete.write(run / "original.json", {"rows": rows})
-    made = front_page.originals(run)
+    made = published_tables.originals(run)
     assert made[0][3:6] == ["250.0 [250.0,\u00a0250.0]", "0.800× [0.800,\u00a00.800]", "as ours"]
     assert made[1][3:6] == ["20.00 [20.00,\u00a020.00]", "10.0× [10.0,\u00a010.0]", "31.7 to ours"]
     assert made[0][6:] == ["–"] * 3
-    block = front_page.ladder_block(analysis.load(run), rows_of(run))
+    block = published_tables.ladder_block(analysis.load(run), rows_of(run))
     assert "| 32.0× [" in block
     assert block.index("the paper's baseline") < block.index("the paper's opt4") < block.index("320×180")
 
@@ -405,10 +405,10 @@ def test_the_readme_ends_on_the_two_strongest_other_programs(run: Path) -> None:
     rows += [fastest | {"program": "second", "threads": 2}, fastest | {"program": "opt4", "kind": "phase"}]
     told = [{"program": name, "least_db": dict.fromkeys(both, 50.0)} for name in times]
     complete.write(run / "peers.json", {"n": 180, "programs": told, "rows": rows})
-    found = front_page.strongest(run, 180)
+    found = published_tables.strongest(run, 180)
     assert [cells[0] for cells in found] == ["first", "second"]
     assert found[0][4].startswith("2.00× [2.00,\u00a02.00] ") and found[1][8] == "60.0"
-    assert front_page.strongest(run, 720) == []
+    assert published_tables.strongest(run, 720) == []
 
 
 PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))

@@ -12,7 +12,7 @@ from study.core import cli, commands, registry, show
 from study.core.registry import ROOT
 from study.experiments import experiment
 from study.numbers import analysis, columns, ladder
-from study.report import front_page
+from study.report import published_tables
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 BY = {"opt3": "avx2 by SIMDe", "opt4": "avx2 by SIMDe"}
@@ -50,7 +50,7 @@ def test_the_ladders_own_tables_mark_the_row(run: Path) -> None:
     rows = ladder.rows(analysis.load(run))
     text = show.markdown(show.table(list(rows.to_dict("records")), columns.LADDER))
     assert "opt4 (SIMDe)" in text and "opt1 (SIMDe)" not in text
-    block = front_page.ladder_block(analysis.load(run), rows)
+    block = published_tables.ladder_block(analysis.load(run), rows)
     assert block.count("opt3, opt4: AVX2 code") == 1
 
 
@@ -65,7 +65,7 @@ def test_a_machines_table_of_published_runs_says_so(run: Path) -> None:
     context = json.loads((other / "context.json").read_text())
     context["cpu"]["microarchitecture"] = "Another"
     (other / "context.json").write_text(json.dumps(context))
-    block = front_page.machines_block([analysis.load(run), analysis.load(other)])
+    block = published_tables.machines_block([analysis.load(run), analysis.load(other)])
     assert block.count("| opt4 |") == 2 and block.count("opt3, opt4: AVX2 code") == 1
 
 
