@@ -37,6 +37,10 @@ class StudyError(Exception):
         self.exit_status = exit_status
 
 
+class Unwritten(StudyError):
+    """A file that the disk does not take: nothing is wrong with what was read."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """How a command ended. `result`: what --json prints; `lines`: what a person reads instead; `run`: the

@@ -33,7 +33,10 @@ def read_json(path: Path) -> Any:
         return json.loads(content(path))
     except json.JSONDecodeError as error:
         raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
-    except (ValueError, RecursionError) as error:  # not UTF-8
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise StudyError(f"{path}:{line}: not {error.encoding}: {error.reason}") from None
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"{path}: {error}") from None
 
 

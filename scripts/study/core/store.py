@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from study.core import cli, registry, temporary
-from study.core.cli import StudyError
+from study.core.cli import StudyError, Unwritten
 from study.core.host import checkout
 from study.core.json_files import content
 from study.core.json_files import read_json as read_json
@@ -50,7 +50,7 @@ def write_bytes(path: Path, data: bytes) -> None:
                 os.fsync(file.fileno())
             (folder / path.name).replace(path)
     except OSError as error:
-        raise StudyError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise Unwritten(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def write_text(path: Path, text: str) -> None:
@@ -64,7 +64,7 @@ def writable(folder: Path) -> Path:
         with temporary.folder(folder, ".writable."):
             pass
     except OSError as error:
-        raise StudyError(f"{folder}: cannot be written to: {error.strerror or error}") from None
+        raise Unwritten(f"{folder}: cannot be written to: {error.strerror or error}") from None
     return folder
 
 

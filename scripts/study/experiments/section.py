@@ -112,7 +112,7 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
     try:
         yield
     except StudyError as error:
-        if "scripts/" in str(error):
+        if isinstance(error, cli.Unwritten) or "scripts/" in str(error):
             raise
         raise StudyError(f"{error}; make {file} again with {script}", error.exit_status) from None
 

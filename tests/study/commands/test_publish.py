@@ -91,14 +91,15 @@ def test_what_is_there_is_not_written_over(made, tmp_path, stepwise):
 def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkeypatch):
     folder = tmp_path / "new" / "published"
     for step in ("copy_files", "copy_pictures", "about", "shown"):
-        for error in (StudyError("lost"), OSError(28, "No space left on device")):
+        copied = OSError(28, "No space left on device", "a file of the run", None, "its copy")
+        for error in (StudyError("lost"), OSError(28, "No space left on device"), copied):
             with monkeypatch.context() as patch:
 
                 def fail(*_, error=error):
                     raise error
 
                 patch.setattr(publishing, step, fail)
-                with pytest.raises(StudyError, match=r"lost|No space left"):
+                with pytest.raises(StudyError, match=f"^lost|^{folder}: .*No space left"):
                     publishing.publish(FIXTURE, folder, [], "")
             assert list(folder.parent.iterdir()) == []
     folder.mkdir()  # an empty one is made use of

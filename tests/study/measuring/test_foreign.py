@@ -1,6 +1,7 @@
 """Files of other tools become runs: what counts as a sample, in ns, and what is said of the rest."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from compared import run as compare
 
 from study.core import commands, json_files
-from study.core.cli import Outcome
+from study.core.cli import Outcome, StudyError
 from study.core.store import Run
 from study.numbers import analysis
 
@@ -193,6 +194,13 @@ def test_a_broken_file_is_one_line_with_file_and_line(tmp_path, content, marked)
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert f"{bad}:{number}:" in done.stderr
     assert not (tmp_path / "results").exists()
+
+
+def test_bytes_that_are_no_text_are_in_a_line(tmp_path) -> None:
+    path = tmp_path / "bad.json"
+    path.write_bytes(b'{"results":\n "\x81"}')
+    with pytest.raises(StudyError, match=f"^{re.escape(str(path))}:2: "):
+        json_files.read_json(path)
 
 
 def test_the_line_of_a_value(tmp_path) -> None:

@@ -20,6 +20,7 @@ from PIL import Image
 
 from study.commands import report
 from study.core import patches, registry
+from study.core.cli import StudyError, Unwritten
 from study.core.run_schema import Configuration, Plan
 from study.core.show import Column
 from study.experiments import section
@@ -274,3 +275,10 @@ def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Pat
     (tmp_path / "one.png").unlink()
     shown(2, True)
     assert len(written) == 4
+
+
+@pytest.mark.parametrize(("kind", "blamed"), [(Unwritten, False), (StudyError, True)])
+def test_a_full_disk_is_not_the_fault_of_what_was_read(kind: type[StudyError], blamed: bool) -> None:
+    with pytest.raises(kind, match=r"^one\.svg") as raised, section.reading("sweep.json", "its command"):
+        raise kind("one.svg: no space")
+    assert ("sweep.json again" in str(raised.value)) == blamed

@@ -135,7 +135,9 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
                 raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
             os.rename(made, folder)
     except OSError as error:
-        raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
+        if error.filename2 or not error.filename:  # a copy's target; a disk that is full
+            raise StudyError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        raise StudyError(f"{error.filename}: {error.strerror or error}") from None
     return names
 
 
