@@ -10,7 +10,7 @@ from study.core import show
 from study.core.json_files import stored
 from study.core.registry import BASE
 from study.core.store import Run
-from study.numbers import analysis, programs, stats
+from study.numbers import analysis, programs, stats, summary
 from study.numbers.analysis import Cell
 from study.numbers.stats import Interval
 
@@ -102,7 +102,7 @@ def shown(points: Sequence[Point]) -> list[dict[str, object]]:
         step = ""
         if point.step and point.change:
             step = f"{'faster' if point.change.value > 1 else 'slower'} {point.change.text()}"
-        told = {"size": point.size, "ms": point.ms.text(), "lanes": point.lanes or "", "step": step}
-        told["over_base"] = point.over_base.text(".4g") if point.over_base else ""
+        told = {"size": point.size, "ms": summary.cell(point.ms), "lanes": point.lanes or "", "step": step}
+        told["over_base"] = summary.cell(point.over_base)
         made.append(vars(point) | told | {"ghz": "" if math.isnan(point.ghz) else f"{point.ghz:.2f}"})
     return made

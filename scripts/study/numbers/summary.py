@@ -90,10 +90,8 @@ def rows(frames: pd.DataFrame) -> list[Row]:
 
 
 def number(value: float) -> str:
-    """Four digits, without an exponent: 0.4663, 12.35, 1234, 578.8M."""
-    if abs(value) >= 1e6:
-        return f"{value / 1e6:.4g}M"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    """Four digits: 0.4663, 12.30, 1,234, 578.8M."""
+    return f"{show.number(value / 1e6, 4)}M" if 1e6 <= abs(value) < np.inf else show.number(value, 4)
 
 
 def cell(value: Any) -> str:

@@ -134,7 +134,7 @@ def test_the_chapter_shows_the_fastest_phase_that_has_a_past(results, monkeypatc
     made = chapter(results, monkeypatch, {"baseline": 1, "opt1": 5, "opt7": 2})
     assert "; 1 step of" in made.answer
     (table,) = made.parts
-    assert [row["over_base"].split()[0] for row in table.rows] == ["10", "9.804", "20"]
+    assert [row["over_base"].split()[0] for row in table.rows] == ["10.00", "9.804", "20.00"]
     assert [row["step"][:11] for row in table.rows] == ["", "", "faster 2.04"]
     (axes,) = made.drawn["history"].make().axes
     marks = [line for line in axes.lines if line.get_marker() == "o"]
