@@ -6,11 +6,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from _pytest.mark import ParameterSet
 from soft_shadows import decibels
 
 from conformance import harness
@@ -96,14 +94,14 @@ def test_truths_picture_is_its_ideal_picture(name: str) -> None:
     assert not np.array_equal(truths(name)["G"], soft["G"])
 
 
-def each_phase_and_scene() -> Iterator[ParameterSet]:
-    """In the quick half two scenes of each phase."""
-    for i, phase in enumerate(DRAWING):
-        for j, name in enumerate(SCENES):
-            yield pytest.param(phase, name, marks=[pytest.mark.slow] * ((i + j) % 3 > 0))
-
-
-@pytest.mark.parametrize(("phase", "name"), each_phase_and_scene())
+@pytest.mark.parametrize(
+    ("phase", "name"),
+    [  # in the quick half two scenes of each phase
+        pytest.param(phase, name, marks=[pytest.mark.slow] * ((i + j) % 3 > 0))
+        for i, phase in enumerate(DRAWING)
+        for j, name in enumerate(SCENES)
+    ],
+)
 def test_every_phase_draws_truths_picture(phase: str, name: str) -> None:
     assert nearness(drawn(phase, name), truths(name)) >= LEAST_DB
 

@@ -160,9 +160,10 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     interleaved run, and what slows a round of it slows both: launches of one round are drawn together. Of
     other runs, and beside a launch that was lost, each by itself."""
     launches = min(np.size(base), np.size(other))
-    value = float(np.median(base) / np.median(other)) if launches else np.nan
     times = [np.asarray(one, float).ravel() for one in (base, other)]
-    if launches < FEWEST or not all(np.isfinite(one).all() for one in times):
+    known = all((np.isfinite(one) & (one > 0)).all() for one in times)  # of a time of 0 there is no ratio
+    value = float(np.median(base) / np.median(other)) if launches and known else np.nan
+    if launches < FEWEST or not known:
         return Interval(value, np.nan, np.nan, launches, False)
     if launches < ENOUGH:
         return _of_few(value, *times)
