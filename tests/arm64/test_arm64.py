@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import programs
 import pytest
 from hypothesis import HealthCheck, given, settings
 
@@ -122,7 +123,7 @@ def test_a_kernel_is_compiled_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("name", ARM64_TESTS)
 def test_program(name: str) -> None:
     """What holds words to the bit, enclosures to their bounds and polynomials to their ulp."""
-    done = arm64.run(arm64.built(f"tests/{name}"))
+    done = arm64.run(programs.built(f"tests/{name}", arm64.FOLDER))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "skipped" not in done.stdout + done.stderr
 
@@ -130,7 +131,7 @@ def test_program(name: str) -> None:
 @pytest.mark.parametrize("name", ARM64_WORDS)
 def test_words_sanitized(name: str) -> None:
     """By ASan and UBSan, whose leak check needs ptrace, which the emulator lacks."""
-    made = arm64.built(f"tests/{name}", "build/arm64-asan")
+    made = programs.built(f"tests/{name}", "build/arm64-asan")
     done = arm64.run(made, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import programs
 import pytest
 
 import arm64
@@ -44,7 +45,7 @@ WORK = {
 
 @pytest.fixture(scope="module")
 def program() -> Path:
-    return arm64.built("ceilings")
+    return programs.built("ceilings", arm64.FOLDER)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +141,7 @@ def test_a_kernel_whose_work_is_wrong_gives_no_figure(tmp_path: Path, old: str, 
 
 def test_the_clocks_agree() -> None:
     """But for cycles of a core, which an emulator has not."""
-    made = arm64.built("tests/test_timer")
+    made = programs.built("tests/test_timer", arm64.FOLDER)
     done = arm64.run(made, env=os.environ | {"STEPWISE_EMULATED": "1"})
     said = done.stdout + done.stderr
     assert done.returncode == 0, said

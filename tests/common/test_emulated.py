@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emulated import needs_emulation, needs_sixteen, sixteen
+from programs import needs_emulation, needs_sixteen, sixteen
 
 from study.core import registry
 from study.core.build import build
@@ -49,7 +49,7 @@ def test_sixteen_lanes_draw_what_eight_draw(phase: str, tmp_path: Path) -> None:
         path = registry.scenes()[name].path
         eight, _ = picture(build(phase), path, tmp_path, "avx2")
         wide, record = picture(sixteen(phase), path, tmp_path, "")
-        assert record["lanes"] == 16 and record["isa"] == "avx2+fma, 16 lanes emulated"
+        assert record["lanes"] == 16 and record["isa"].endswith("emulated")
         assert "avx512" not in record["flags"]
         if name == "mandelbulb":  # reciprocal roots differ: what is seen does not
             assert (wide["id"] == eight["id"]).mean() > 0.999

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import programs
 import pytest
 import viewer
 
@@ -25,7 +26,7 @@ def program() -> Path:
 
 def planes(folder: Path, phase: str) -> dict[str, np.ndarray]:
     out = folder / "planes.exr"
-    words = [ROOT / "build" / phase / "render", SCENE0, "-n", str(HEIGHT), "--aov", "-o", out]
+    words = [programs.built(f"{phase}/render"), SCENE0, "-n", str(HEIGHT), "--aov", "-o", out]
     subprocess.run(words, check=True, capture_output=True)
     return images.read(out)
 

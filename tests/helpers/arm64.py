@@ -30,11 +30,5 @@ def program(phase: str, target: str = "render") -> Path:
     return written.replace(script)  # whole at once: another worker may be running the one that stands there
 
 
-def built(target: str, folder: str = FOLDER) -> Path:
-    """A program of the cross build that is no phase's, e.g. tests/test_simd_8."""
-    where, _, name = target.rpartition("/")
-    return build(where, name, folder, tuple(SETTINGS[folder]))
-
-
 def run(made: Path, **how) -> subprocess.CompletedProcess:
     return subprocess.run([*EMULATOR, made], capture_output=True, text=True, cwd=ROOT, **how)

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 from study.commands.upkeep.artifact import MANIFEST
@@ -27,9 +28,14 @@ def sources(folder: Path) -> Path:
     return folder
 
 
+def folders(to: Path, *names: str, without: Sequence[str] = ("__pycache__",)) -> Path:
+    """`to`, with these folders of the project: without what other workers may write and remove meanwhile."""
+    for name in names:
+        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns(*without))
+    return to
+
+
 def built(folder: Path) -> Path:
     """The folder, with what this project has built of common/ and of ground truth."""
-    for name in ("common", "truth"):
-        if (ROOT / "build" / name).is_dir():
-            shutil.copytree(ROOT / "build" / name, folder / "build" / name)
-    return folder
+    names = [name for name in ("build/common", "build/truth") if (ROOT / name).is_dir()]
+    return folders(folder, *names, without=(".*", "kept", "parsed"))

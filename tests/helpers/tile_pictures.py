@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import phase_pictures
 import pytest
-from emulated import TRUE
+from programs import TRUE
 
 from conformance.feature_scenes import FEATURES, SIZES
 from study.core import registry
@@ -111,7 +111,7 @@ def flat_scenes() -> dict[str, dict]:
     wide = copy.deepcopy(balls)
     wide["march"]["hit_distance"] = 1e-2
     return {"floor": scene, "balls": balls, "few steps": capped, "near bounds": near} | {
-        "outside of the bounds": outside,
+        "beyond": outside,
         "slanted": slanted,
         "hits from afar": wide,
     }

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import programs
 import pytest
 
 from study.pictures import images
@@ -24,12 +25,11 @@ def has(package: str) -> bool:
 
 
 def build(*packages: str) -> Path:
-    """build/viewer, which tests/builds.py has made: make looks whether it is of these sources."""
+    """build/viewer."""
     for package in packages:
         if not has(package):
             pytest.skip(f"{package} is missing: make view installs it")
-    subprocess.run(["make", "-s", "build/viewer"], cwd=ROOT, check=True)
-    return PROGRAM
+    return programs.built("viewer")
 
 
 def window_tools() -> None:
@@ -64,6 +64,6 @@ def headless(
 def displayed(folder: Path, phase: str, scene: str | Path, height: int, *more: str) -> np.ndarray:
     """The picture that the phase's own driver displays: height × width × 3 of uint8."""
     out = folder / "driver.ppm"
-    words = [ROOT / "build" / phase / "render", scene, "-n", str(height), "--display", "-o", out, *more]
+    words = [programs.built(f"{phase}/render"), scene, "-n", str(height), "--display", "-o", out, *more]
     subprocess.run(words, check=True, capture_output=True)
     return images.read_ppm(out)

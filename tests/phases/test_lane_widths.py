@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from emulated import WORD, needs_sixteen, sixteen
 from phase_pictures import check_bits, needs, picture, render
+from programs import WORD, needs_sixteen, sixteen
 
 from study.core import registry
 from study.core.build import build

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import phase_pictures
 import pytest
-from emulated import TRUE, made_in, needs_sixteen, sixteen
 from phase_pictures import check_bits
 from processes import children, ends, only_warned
+from programs import TRUE, made_in, needs_sixteen, sixteen
 
 from conformance.feature_scenes import FEATURES
 from study.core import registry
@@ -170,7 +170,7 @@ def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
 
 @needs_sixteen
 def test_eight_lanes(shop: Workshop) -> None:
-    """The kernel of 16 lanes, emulated where the CPU has none (emulated.py), against that of eight."""
+    """The kernel of 16 lanes, emulated where the CPU has none (programs.py), against that of eight."""
     # an emulated build's -O0 takes gcc four times as long, of a kernel
     compiler = shop.compiler if TRUE else shop.script("quick", f'exec {shop.compiler} "$@" -O1')
     # and on a busy machine longer than a kernel's usual limit of 60 s: then the picture is the general code's

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import needs
 import pytest
-from emulated import made_in
 from phase_pictures import check_bits, picture, render
 from phase_pictures import needs as needs_cpu
+from programs import made_in
 
 from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
 from study.core import registry

@@ -6,11 +6,12 @@ import re
 import subprocess
 from pathlib import Path
 
+import copied
+import programs
 import pytest
 
 from study.core import registry
 from study.core.build import build
-from study.core.registry import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -38,9 +39,7 @@ def test_a_variant_is_there_or_traps(variant: str, target: str) -> None:
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """A tree of its own, with one phase."""
-    for name in ("common", "scripts/study", f"phases/{PHASE}"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        subprocess.run(["cp", "-r", ROOT / name, tmp_path / name], check=True)
+    copied.folders(tmp_path, "common", "scripts/study", f"phases/{PHASE}")
     (tmp_path / "Makefile").write_text("include common/rules.mk\n")
     return tmp_path
 
@@ -72,8 +71,7 @@ def test_clang_builds_or_reads_every_variant_and_a_fault_ends_it(tree: Path, sai
 
 def test_what_clang_makes_has_the_variants_of_this_cpu() -> None:
     """And what it leaves out it has read: both are made before (tests/builds.py)."""
-    for target in ("render", "read"):
-        assert make(ROOT, "clang", target).returncode == 0
+    program, _ = (programs.built(f"{PHASE}/{target}", "build/clang") for target in ("render", "read"))
     for variant, isa in VARIANTS.items():
-        found = instructions(ROOT / "build/clang" / PHASE / "render", f"{variant}_tile")
+        found = instructions(program, f"{variant}_tile")
         assert found and ("ud2" in found) == (not isa <= registry.cpu_flags())

@@ -7,20 +7,18 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import copied
 import pytest
 
 from study.core.registry import ROOT
 
 ODD = 'a "b" it\'s käfig × %s $x'
-PARTS = ["common", "phases", "systems", "truth", "scripts"]
 
 
 @pytest.mark.slow
 def test_in_any_path_with_no_home_and_nothing_for_others(tmp_path: Path) -> None:
     """A phase is built and draws where the path has quotes, blanks and other letters, under umask 077."""
-    folder = tmp_path / ODD
-    for name in PARTS:
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    folder = copied.folders(tmp_path / ODD, "common", "phases", "systems", "truth", "scripts")
     shutil.copy(ROOT / "Makefile", folder)
     made = "umask 077; unset HOME; make -s phase-opt1 && "
     made += "build/opt1/render common/scenes/scene0.json -n 4 -o 'a b.exr'"

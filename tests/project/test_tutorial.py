@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -27,11 +26,7 @@ SMALLER = {
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The project without what was built but ground truth, with this one's packages."""
-    copied.sources(tmp_path)
-    for name in ("common", "truth"):
-        if (ROOT / "build" / name).is_dir():
-            shutil.copytree(ROOT / "build" / name, tmp_path / "build" / name)
-    return tmp_path
+    return copied.built(copied.sources(tmp_path))
 
 
 def run(command: str, folder: Path) -> str:

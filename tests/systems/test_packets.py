@@ -10,7 +10,7 @@ import subprocess
 import enclosures
 import numpy as np
 import pytest
-from emulated import needs_sixteen, sixteen
+from programs import needs_sixteen, sixteen
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape

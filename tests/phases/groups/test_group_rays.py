@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import programs
 import pytest
 from phase_pictures import needs
 from tile_pictures import EACH_WIDTH, WIDTHS, crowd, picture
 
 from builds import GROUPS_BY_CLANG
 from study.core import registry
-from study.core.registry import ROOT
 from study.pictures import images
 
 PHASES = ["opt9_convex", "opt10_scene", "opt11_ideal"]
@@ -229,10 +229,7 @@ def test_a_kernel_is_not_made_for_groups(tmp_path: Path) -> None:
 def test_what_clang_makes_draws_them_too(name: str, width: str, tmp_path: Path) -> None:
     """Its own rounding and order of sums: nearly gcc's picture, and no crash."""
     phase, out = GROUPS_BY_CLANG, tmp_path / "clang.exr"
-    program = ROOT / "build/clang" / phase / "render"
-    subprocess.run(
-        ["make", "-s", "-C", ROOT, "CC=clang", "BUILD=build/clang", program.relative_to(ROOT)], check=True
-    )
+    program = programs.built(f"{phase}/render", "build/clang")
     scene = tmp_path / "groups.json"
     scene.write_text(json.dumps(scene_of(name, "ideal")))
     words = [program, scene, "-n", str(SIZE[1]), "-w", str(SIZE[0]), "-o", out]

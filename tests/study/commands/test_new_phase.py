@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import copied
 import emitted
 import pytest
 
@@ -19,8 +20,7 @@ from study.core.registry import ROOT
 @pytest.fixture
 def root(tmp_path):
     """A tree of its own with the phases of this one."""
-    shutil.copytree(ROOT / "phases", tmp_path / "phases")
-    return tmp_path
+    return copied.folders(tmp_path, "phases")
 
 
 def test_a_derived_phase_holds_no_source_at_first(root):
@@ -95,8 +95,7 @@ def test_a_failure_leaves_nothing_behind(root, monkeypatch):
 
 @pytest.mark.slow
 def test_the_new_phase_builds_and_renders_as_its_parent(root):
-    for name in ("common", "scripts/study"):
-        shutil.copytree(ROOT / name, root / name)
+    copied.folders(root, "common", "scripts/study")
     shutil.copy(ROOT / "Makefile", root)
     new_phase.create("naive2", "baseline", root)
     for name in ("naive2", "baseline"):
@@ -126,7 +125,7 @@ def test_what_is_next_of_an_ablation_compares_with_it(source, lab):
     tried = re.findall(r"^ *make try (.*)$", said, re.MULTILINE)
     assert tried and all(f'"--against {source}"' in line and "NAME=own" in line for line in tried)
     assert "cp " not in said and all(file in said for file in new_phase.sources(source, ROOT, False))
-    assert re.findall(r"make judge LAB=(\d+) NAME=own", said) == [str(lab)] * bool(lab)
+    assert re.findall(r"judge LAB=(\d+) NAME=own", said) == [str(lab)] * bool(lab)
 
 
 @pytest.mark.parametrize("whole", [False, True])

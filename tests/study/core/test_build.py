@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 
+import copied
 import pytest
 
 from study.core import build as module
@@ -20,9 +21,7 @@ TOOLS += ["dirname", "mv", "cmp", "grep", "objcopy", "nm"]
 @pytest.fixture
 def root(tmp_path, monkeypatch):
     """A small tree of its own, and no binary remembered."""
-    shutil.copytree(ROOT / "common", tmp_path / "common")
-    shutil.copytree(ROOT / "scripts" / "study", tmp_path / "scripts" / "study")
-    shutil.copytree(ROOT / "phases" / "baseline", tmp_path / "phases" / "baseline")
+    copied.folders(tmp_path, "common", "scripts/study", "phases/baseline")
     shutil.copy(ROOT / "Makefile", tmp_path)
     monkeypatch.setattr(module, "ROOT", tmp_path)
     module._build.cache_clear()
@@ -70,9 +69,7 @@ def test_what_the_run_of_the_tests_has_built_is_not_asked_of_make(root, monkeypa
 
 def test_presenting_leaves_no_upper_half_in_use():
     """As the renderers' own objects do it: sanitizers clear what an optimised build may leave."""
-    program = "build/tests/test_upper_halves"
-    subprocess.run(["make", "-s", program], cwd=ROOT, check=True)
-    done = subprocess.run([ROOT / program], capture_output=True, text=True)
+    done = subprocess.run([module.build("tests", "test_upper_halves")], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     if skipped := re.search("^skipped: (.*)", done.stdout, re.MULTILINE):
         pytest.skip(skipped[1])
@@ -138,7 +135,7 @@ def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
         module.build("child")
     march.write_text(whole)
     (grandchild / "march.c").write_text("#error this one\n")
-    with pytest.raises(StudyError, match=r"phases/grandchild/march\.c:1:2: error: #error this one"):
+    with pytest.raises(StudyError, match=r"phases/grandchild/march\.c:1:2: error"):
         module.build("grandchild")
 
 

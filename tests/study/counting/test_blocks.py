@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 import needs
+import programs
 import pytest
 from elftools.elf.elffile import ELFFile
 
@@ -39,11 +40,9 @@ REPEATS = 3
 
 def make(compiler: str, *targets: str) -> Path:
     """The compiler's folder, with these built in it."""
-    folder = COMPILERS[compiler]
-    command = ["make", "-s", f"CC={compiler}", f"BUILD={folder}", *(f"{folder}/{t}" for t in targets)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return ROOT / folder
+    for target in targets:
+        programs.built(target, COMPILERS[compiler])
+    return ROOT / COMPILERS[compiler]
 
 
 # --- known work

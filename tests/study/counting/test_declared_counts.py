@@ -10,6 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import copied
 import numpy as np
 import pytest
 
@@ -237,8 +238,7 @@ def test_a_gradient_works_for_all_that_hit_its_shape(tmp_path):
 
 
 def test_a_part_without_a_cost_does_not_build(tmp_path):
-    for name in ("common", "scripts/study", "phases/baseline"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+    copied.folders(tmp_path, "common", "scripts/study", "phases/baseline")
     shutil.copy(ROOT / "Makefile", tmp_path)
     costs = tmp_path / "phases/baseline/costs.def"
     kept = [line for line in costs.read_text().splitlines() if not line.startswith("COST(clamp, not_below")]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import math
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -13,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builds import JOBS
 from study.core import cli, commands, patches, registry, run
-from study.core.build import build, is_built
+from study.core.build import build, build_together
 from study.core.cli import StudyError
-from study.core.registry import ROOT, Spec
+from study.core.registry import Spec
 from study.counting import flops
 from study.experiments.ablations import command, ideas
 from study.experiments.ablations import measure as ablations
@@ -32,7 +32,6 @@ BASES = sorted({name.partition("+")[0] for name in NAMES} - {"baseline"})
 HEIGHT = 36
 SCENES = ("scene0", "mandelbulb", "cubes")
 DECLARED = [name for name in NAMES if name.startswith(("baseline", "opt1+", "opt2", "opt3", "opt4"))]
-JOBS = str(len(os.sched_getaffinity(0)))
 
 
 def spec_of(name: str) -> Spec:
@@ -40,16 +39,6 @@ def spec_of(name: str) -> Spec:
     if lacking := registry.missing_isa(spec):
         pytest.skip(f"the CPU lacks {', '.join(lacking)}")
     return spec
-
-
-@functools.cache
-def built() -> bool:
-    """Whether all that the tests run is built, by one make. A patch that fails leaves the rest alone."""
-    targets = [f"build/{name}/render" for name in ["baseline", *BASES, *NAMES]]
-    if all(is_built(ROOT / target) for target in targets):
-        return True
-    done = subprocess.run(["make", "-s", "-k", f"-j{JOBS}", *targets], cwd=ROOT, capture_output=True)
-    return done.returncode == 0
 
 
 @functools.cache
@@ -61,7 +50,7 @@ def picture(name: str, scene: str, folder: Path) -> images.Picture:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    built()
+    build_together([(Spec.parse(name), "render") for name in ["baseline", *BASES, *NAMES]], JOBS)
     return tmp_path_factory.mktemp("pictures")
 
 
@@ -83,13 +72,10 @@ def test_its_head_is_understood(name):
         assert found.claim in set(stated[stated["source"].str.contains(section[0], regex=False)]["value"])
 
 
+@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("name", NAMES)
 def test_it_builds_without_a_warning(name):
-    if built():
-        return
-    path = f"build/{name}/render"  # an old program may be there: make must agree
-    done = subprocess.run(["make", "-s", path], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[-3000:]
+    build(name)
 
 
 def pictured(name: str) -> list[str]:
@@ -132,9 +118,8 @@ def test_error_of_the_fast_root(steps, error, tmp_path):
     ]
     path = tmp_path / "sphere.json"
     path.write_text(json.dumps(scene))
-    subprocess.run(["make", "-s", f"build/{name}/probe"], cwd=ROOT, check=True, capture_output=True)
     points = np.random.default_rng(1).normal(size=(20_000, 3)) * 3
-    raw = subprocess.run([ROOT / f"build/{name}/probe", path], input=points.tobytes(), capture_output=True)
+    raw = subprocess.run([build(name, "probe"), path], input=points.tobytes(), capture_output=True)
     assert raw.returncode == 0, raw.stderr
     norm = np.linalg.norm(points, axis=1)
     off = np.abs(np.frombuffer(raw.stdout).reshape(-1, 2)[:, 0] + 1 - norm) / norm
@@ -230,7 +215,6 @@ def called(*words: object) -> cli.Outcome:
 
 
 def test_the_table(tmp_path):
-    built()
     names = ("opt2+norm_bounds", "opt2+fast_root_3")
     assert called("-n", 9, "--run", tmp_path, "--phase", *names).ended == 0
     found = Ablations.load(tmp_path / "ablations.json")
@@ -247,7 +231,6 @@ def test_the_table(tmp_path):
 def test_ideas_have_a_file_of_their_own(tmp_path):
     """Each on the scenes of its head, and against its phase's own picture."""
     spec_of("opt6_wide")
-    built()
     words = ["-n", 9, "--launches", 1, "--run", tmp_path, "--scene", "scene0"]
     assert called("--ideas", *words, "--phase", "opt6_wide+awake", "opt6_wide+rsqrt").ended == 0
     (row,) = Ideas.load(tmp_path / "ideas.json").rows

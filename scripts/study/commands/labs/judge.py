@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from study.commands import try_
-from study.core import cli, patches, registry, show, store
+from study.core import cli, patches, registry, show, store, temporary
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.host import sandbox
@@ -85,10 +85,9 @@ def of_memory(spec: Spec, scene: Scene, height: int, threads: int) -> Check:
     return Check("memory", False, f"{said} ({fault.said})", fault.kind, fault.text)
 
 
-def picture_at(name: str) -> Path:
-    folder = try_.FOLDER / "images"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{name}.exr"
+def own_folder() -> contextlib.AbstractContextManager[Path]:
+    """A temporary one, where the sandbox lets a program write: others may judge the same phase meanwhile."""
+    return temporary.folder(registry.ROOT / "build", ".judge.")
 
 
 def of_views(spec: Spec, scene: Scene, height: int) -> Check:
@@ -98,21 +97,18 @@ def of_views(spec: Spec, scene: Scene, height: int) -> Check:
     aside = np.cross(camera.get("up", [0, 1, 0]), ahead)
     aside *= 0.5 * np.linalg.norm(ahead) / np.linalg.norm(aside)
     path = {"type": "line", "to": list(camera["position"] + aside), "period": 0.4}
-    (try_.FOLDER / "scenes").mkdir(parents=True, exist_ok=True)
-    flown = try_.FOLDER / "scenes" / f"{scene.name}-flown.json"
-    store.write_json(flown, scene.data | {"camera": camera | {"path": path}})
     far = {"animation": BEFORE + 1, "first_frame": BEFORE}
     wrong = []
-    for title, file, words in (("near", scene.path, {}), ("far", flown, far)):
-        pictures = []
-        for before in (0, BEFORE):
-            out = picture_at(f"{spec}-{title}-{before}")
-            run_driver(
-                spec, file, height, scene.size(height)[0], warmup=before, out=out, timed=False, **words
-            )
-            pictures.append(images.rgb(images.read(out)))
-        if pictures[0].tobytes() != pictures[1].tobytes():
-            wrong.append(title)
+    with own_folder() as folder:
+        flown, out = folder / "flown.json", folder / "picture.exr"
+        store.write_json(flown, scene.data | {"camera": camera | {"path": path}})
+        for title, file, words in (("near", scene.path, {}), ("far", flown, far)):
+            size, pictures = (height, scene.size(height)[0]), []
+            for before in (0, BEFORE):
+                run_driver(spec, file, *size, warmup=before, out=out, timed=False, **words)
+                pictures.append(images.rgb(images.read(out)))
+            if pictures[0].tobytes() != pictures[1].tobytes():
+                wrong.append(title)
     said = f"after {BEFORE} frames of other views every bit as in a fresh process"
     return Check("views", not wrong, said + f" (not after {' and '.join(wrong)} views)" * bool(wrong))
 
@@ -165,10 +161,11 @@ def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:
 def drawn(both: try_.Sides, scene: Scene, height: int, threads: int = 1) -> bool:
     """Whether the pictures of both, which are built, have the same bits."""
     shown = []
-    for spec in both:
-        out = picture_at(f"{spec}-{scene.name}")
-        run_driver(spec, scene.path, height, scene.size(height)[0], threads=threads, out=out, timed=False)
-        shown.append(images.rgb(images.read(out)).tobytes())
+    with own_folder() as folder:
+        for spec in both:
+            out, width = folder / "picture.exr", scene.size(height)[0]
+            run_driver(spec, scene.path, height, width, threads=threads, out=out, timed=False)
+            shown.append(images.rgb(images.read(out)).tobytes())
     return shown[0] == shown[1]
 
 

@@ -1,4 +1,4 @@
-"""Programs of builds beside the usual one; where 16 lanes run: by AVX-512, or emulated (tests/emulate)."""
+"""Programs of no phase, and of builds beside the usual one; where 16 lanes run: by AVX-512, or emulated."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from builds import SETTINGS
 from study.core import registry
 from study.core.build import build
 
@@ -38,3 +39,9 @@ def emulated(phase: str, target: str) -> Path:
 def made_in(folder: str, phase: str, setting: str, target: str = "render") -> Path:
     """A program of a build in a folder of its own; `setting`: of make, e.g. SANITIZE=1."""
     return build(phase, target, f"build/{folder}", (setting,))
+
+
+def built(target: str, folder: str = "build") -> Path:
+    """E.g. viewer, or tests/test_simd_8 of build/arm64: brought up to date, one worker at a time."""
+    where, _, name = target.rpartition("/")
+    return build(where, name, folder, tuple(SETTINGS[folder]))
