@@ -46,6 +46,7 @@ def judged(monkeypatch, capsys):
     def call(*words: object) -> tuple[int, dict]:
         monkeypatch.setattr(judge, "labs", lambda: small)
         monkeypatch.setattr(try_, "times", times)
+        monkeypatch.setattr(judge, "of_memory", lambda *_: judge.Check("memory", True, ""))  # test_attacks.py
         status = emitted.told("judge", *words, "--launches", 6, "--seed", 1, "--json")
         return status, emitted.result(capsys.readouterr().out)
 
