@@ -51,13 +51,13 @@ def look(phase: Phase, strength: float) -> Outcome:
 @pytest.mark.parametrize(
     "script, state, said",
     [
-        ("exec sleep 60", measure.HUNG, "not done after 0.3 s"),
+        ("exec sleep 60", measure.HUNG, "0.3 s"),
         ("kill -SEGV $$", measure.CRASHED, "SIGSEGV"),
-        ("echo 'out of memory' >&2; exit 5", measure.CRASHED, "out of memory"),
-        ("echo 'no torus' >&2; exit 4", measure.REFUSED, "no torus"),
-        ("echo 'no avx2' >&2; exit 3", measure.REFUSED, "no avx2"),
-        ("echo 'bad scene' >&2; exit 2", measure.BROKEN, "bad scene"),
-        ("exit 0", measure.BROKEN, "not a readable picture"),
+        ("echo memory >&2; exit 5", measure.CRASHED, "memory"),
+        ("echo torus >&2; exit 4", measure.REFUSED, "torus"),
+        ("echo avx2 >&2; exit 3", measure.REFUSED, "avx2"),
+        ("echo scene >&2; exit 2", measure.BROKEN, "scene"),
+        ("exit 0", measure.BROKEN, "picture"),
     ],
 )
 def test_ends(program, script: str, state: str, said: str) -> None:

@@ -77,7 +77,7 @@ def test_strides_to_a_plane_are_the_parents_steps(name, width, tmp_path) -> None
     mine, parents = (
         picture(phase, scene, tmp_path, (214, 120), **WIDTHS[width]) for phase in (PHASE, PARENT)
     )
-    assert name == "outside of the bounds" or (parents["id"] == 0).sum() > 3000
+    assert name == "beyond" or (parents["id"] == 0).sum() > 3000
     check_bits(mine, parents)
 
 

@@ -98,10 +98,7 @@ def test_rods_are_what_the_article_says(draw, size, down, least, safe):
     mine = Article(json.loads(TWO.read_text()), *size, down, least, safe)
     words = f"down={down} least={least} step={'safe' if safe else 'whole'}"
     p, record = draw("rods", "two_spheres", words, size)
-    assert (
-        record["settings"]
-        == f"march=rods down={down} least={least} step={words[-5:].strip('=')} picture=shaded"
-    )
+    assert set(record["settings"].split()) == {"march=rods", "picture=shaded", *words.split()}
     for name in ("steps", "id"):
         assert np.array_equal(p[name], mine.planes[name]), name
     for name in ("last", "left"):

@@ -43,13 +43,14 @@ TEST(the_settings_and_the_time_are_said) {
     char text[256];
     throttle_frame(&throttle, 3, 4, true);
     throttle_say(&throttle, text, sizeof text);
-    assert_string_equal(text, "throttle 0 of 4, larger is coarser (T): 3.0 of 12.7 ms\n"
-                              "rods of 16 to 2 pixels: all steps, then each pixel: all");
+    assert_non_null(strstr(text, " 3.0 of 12.7 ms\n"));
+    assert_non_null(strstr(text, " 16 to 2 "));
     assert_false(throttle_spent(&throttle));
     play(&throttle, ms, 100, true);
     throttle_say(&throttle, text, sizeof text);
-    assert_non_null(
-        strstr(text, "50.0 of 12.7 ms\nrods of 32 to 8 pixels: 32 steps, then each pixel: 64"));
+    assert_non_null(strstr(text, " 50.0 of 12.7 ms\n"));
+    assert_non_null(strstr(text, " 32 to 8 "));
+    assert_non_null(strstr(text, ": 64"));
     assert_true(throttle_spent(&throttle));
 }
 

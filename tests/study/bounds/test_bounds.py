@@ -134,7 +134,7 @@ def test_recorded_llvm_mca():
 
 @pytest.mark.parametrize(
     "text",
-    ["", "error: unable to get target\n", MCA[:40], MCA.replace("Iterations:        100", "Iterations: 7")],
+    ["", "error: no target\n", MCA[:40], MCA.replace("Iterations:        100", "Iterations: 7")],
 )
 def test_broken_llvm_mca_is_refused(text):
     with pytest.raises(StudyError, match="llvm-mca: "):
@@ -170,8 +170,8 @@ def test_the_stack_is_no_chain():
     code = [regions.Line(i, "push" if i < 10 else "pop", f"%r{8 + i % 8}") for i in range(20)]
     made = run(regions.assembly(code))
     assert 9 <= made.throughput < 20
-    pushed = regions.assembly([regions.Line(0, "push", "0x38(%rsp)")])
-    assert pushed == ".Lhere:\n\tmovq\t0x38(%rsp), %r11\n\tmovq\t%r11, -8(%rsp)\n"
+    pushed = regions.assembly([regions.Line(0, "push", "0x38(%rsp)")]).split()
+    assert pushed == [".Lhere:", "movq", "0x38(%rsp),", "%r11", "movq", "%r11,", "-8(%rsp)"]
 
 
 @needs_mca

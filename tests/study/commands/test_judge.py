@@ -131,12 +131,12 @@ def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
 
 def test_what_does_not_compile_has_a_status_and_the_compiler_s_text(judged, monkeypatch):
     def fails(spec):
-        raise cli.StudyError("cannot build:\n  a.c:1:2: error: expected ';'")
+        raise cli.StudyError("cannot build:\n  a.c:1:2: error")
 
     monkeypatch.setattr(judge, "build", fails)
     status, said = judged(1, "--phase", "baseline+1_precomputed", "--json")
     assert status == judge.DOES_NOT_COMPILE
-    assert "a.c:1:2: error: expected ';'" in emitted.result(said)["compiler"]
+    assert "a.c:1:2: error" in emitted.result(said)["compiler"]
 
 
 @pytest.mark.slow
@@ -192,7 +192,7 @@ def test_the_line_that_measures_is_the_page_s(lab):
     if line.startswith("make try"):
         assert "+" not in lab.start or f'"--against {lab.start}"' in line
     else:
-        assert re.match(r"make phase-(opt2 phase-)?own && ", line)  # what it times is built
+        assert re.match(r"make .*phase-own && ", line)  # what it times is built
         assert lab.height and re.search(f" -n {lab.height}( |$)", line)
 
 
@@ -252,7 +252,7 @@ def test_pages_say_what_the_judge_asks():
         Spec.parse(lab.start)
         assert lab.crowd or registry.find_scene(lab.scene)
         assert f"`{lab.start}`" in row and f"{lab.speedup}×" in row and f"{lab.speedup}×" in page
-        assert f"make new-phase NAME=mine FROM={lab.start}\n" in page
+        assert f" FROM={lab.start}\n" in page
         assert lab.hints.keys() >= {"picture", "speed"} | ({"lanes"} if lab.lanes else set())
 
 

@@ -6,6 +6,7 @@ Wall times are nowhere pass or fail: what is held is what was launched, how ofte
 import functools
 import json
 import math
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -79,7 +80,7 @@ def test_ratios_of_known_times(timed, tmp_path):
     assert plan.launches == 9 and plan.precision == 0.01 and plan.finished and plan.time_from == FROM[1]
     assert {one.ns for one in frames} == {10_000_000, 8_000_000, 10_020_000}
     (row,), _, _ = timed(*FROM, "--launches", 1, "--", "echo", "took 1 ms", "me@host")
-    assert row["program"] == "echo 'took 1 ms' me@host" and row["verdict"] == ""
+    assert shlex.split(row["program"]) == ["echo", "took 1 ms", "me@host"] and row["verdict"] == ""
 
 
 def test_a_round_launches_each_program_once_in_random_order_with_random_padding(timed, tmp_path):
@@ -105,7 +106,7 @@ def test_user_time_and_peak_memory_are_the_program_s_own(timed):
     (big, small), _, frames = timed("--launches", 2, "--warmup", 0, "--", *words, ":::", "true")
     assert 190 < big["mib"] < 300 and small["mib"] < 10
     assert all(one.user_ns + one.system_ns > 0 for one in frames if one.phase != "true")
-    assert big["verdict"] == small["verdict"].replace("unknown (too few launches)", "") == ""
+    assert big["verdict"] == "" and small["verdict"].startswith("unknown")
 
 
 def test_a_gate_fails_for_what_is_surely_slower_by_more_than_least(stepwise, tmp_path):
@@ -139,9 +140,9 @@ def test_two_modes_have_no_verdict(stepwise, timed, tmp_path):
     (one, two), _, _ = timed(*FROM, *words)
     assert one["modes"] is None and one["verdict"] == "" and one["drift"] is None
     assert [two["modes"]["low"], two["modes"]["high"]] == pytest.approx([10.06, 12.06])
-    assert two["verdict"] == "no verdict (two modes)" and two["ratio"]["low"] < 1 < two["ratio"]["high"]
+    assert two["verdict"].startswith("no verdict") and two["ratio"]["low"] < 1 < two["ratio"]["high"]
     done = stepwise("time", "--results", tmp_path, *FROM, *words)
-    assert "two modes of time, 10.06 ms (15 launches) and 12.06 ms (15)" in done.stderr
+    assert "10.06 ms (15" in done.stderr and "12.06 ms (15" in done.stderr
 
 
 def test_drift_is_said_and_common_drift_hides_no_difference(stepwise, tmp_path):
@@ -153,12 +154,11 @@ def test_drift_is_said_and_common_drift_hides_no_difference(stepwise, tmp_path):
 @pytest.mark.slow
 def test_every_value_of_vary_is_a_case(timed, tmp_path):
     """Of one command the ratios are to the first value; of two to the first command."""
-    rows, _, _ = timed(*FROM, "--vary", "n", "2,4", "--", "echo took {n} ms")
-    assert [(row["program"], row["case"], row["ms"]["value"]) for row in rows] == [
-        ("echo took {n} ms", "n=2", 2),
-        ("echo took {n} ms", "n=4", 4),
-    ]
-    assert rows[1]["ratio"]["value"] == 0.5 and rows[1]["base"] == "echo took {n} ms n=2"
+    program = "echo took {n} ms"
+    rows, _, _ = timed(*FROM, "--vary", "n", "2,4", "--", program)
+    assert [(row["case"], row["ms"]["value"]) for row in rows] == [("n=2", 2), ("n=4", 4)]
+    assert {row["program"] for row in rows} == {program}
+    assert rows[1]["ratio"]["value"] == 0.5 and rows[1]["base"] == f"{program} n=2"
     both = ["--vary", "n", "2,4", "--vary", "u", "ms,us", "--command-name", "A", "--command-name", "B"]
     rows, _, _ = timed(*FROM, *both, "--", "echo took {n} {u}", ":::", "echo", "took", "1{n} {u}")
     assert [row["case"] for row in rows] == [
@@ -214,9 +214,9 @@ def test_several_times_of_one_launch_count_as_their_median(timed):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "-- ./old args ::: ./new args"),
-        (["--", ":::", "true"], "-- ./old args ::: ./new args"),
-        (["--", "no-such-program"], "no-such-program: No such file"),
+        ([], ":::"),
+        (["--", ":::", "true"], ":::"),
+        (["--", "no-such-program"], "no-such-program"),
         (["--vary", "n", "1,2", "--", "true"], "{n}"),
         (["--prepare=true", "--prepare=true", "--", "true"], "--prepare"),
         (["--prepare=false", "--", "true"], "false: status 1"),
@@ -270,6 +270,9 @@ def test_interrupted_launches_are_in_no_comparison(stepwise, timed, tmp_path, mo
     assert [one["ms"]["value"] for one in points["points"]] == [10]
 
 
+BOTH = "echo took {n} ms"
+
+
 @pytest.mark.slow
 def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path):
     """Two runs: the second one's `new` takes 12.5 ms instead of 10."""
@@ -284,7 +287,7 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
             "--export-json",
             tmp_path / "direct.json",
             "--",
-            "echo took {n} ms",
+            BOTH,
             ":::",
             f"{program} {{n}}",
         )
@@ -295,16 +298,12 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
     times = {(row["spec"], row["scene"]): row["time"]["value"] for row in result["rows"]}
     assert times == pytest.approx(
         {(f"{program} {{n}}", case): 0.8 for case in ("n=1", "n=2")}
-        | {("echo took {n} ms", case): 1 for case in ("n=1", "n=2")}
+        | {(BOTH, case): 1 for case in ("n=1", "n=2")}
     )
     done = stepwise("compare", "--export", "hyperfine", folders[1])
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / "direct.json").read_text())
-    (found,) = [
-        one
-        for one in made["results"]
-        if one["command"] != "echo took {n} ms" and one["parameters"] == {"n": "2"}
-    ]
+    (found,) = [one for one in made["results"] if one["command"] != BOTH and one["parameters"] == {"n": "2"}]
     assert (
         found["times"] == [0.0125] * 9 and found["median"] == found["min"] == 0.0125 and found["stddev"] == 0
     )

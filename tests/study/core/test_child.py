@@ -28,7 +28,7 @@ def hanging(folder: Path, name: str = "tool") -> Path:
 
 def test_a_tool_that_hangs_goes_with_what_it_started(tmp_path: Path) -> None:
     begun = time.monotonic()
-    with pytest.raises(StudyError, match=r"tool: no end after 0.5 s; killed \(STEPWISE") as error:
+    with pytest.raises(StudyError, match=r"tool: .* 0\.5 s.*STEPWISE") as error:
         child.run([hanging(tmp_path)], capture_output=True, text=True, timeout=0.5)
     assert error.value.exit_status == CANNOT_RUN and time.monotonic() - begun < 30
     assert processes.ends((tmp_path / "pid").read_text().strip())
@@ -53,9 +53,9 @@ def test_a_compiler_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv(child.LIMIT, "0.5")
     monkeypatch.delenv(build.BUILT, raising=False)
-    with pytest.raises(StudyError, match=r"make: no end after 0.5 s; killed"):
+    with pytest.raises(StudyError, match=r"make: .* 0\.5 s"):
         build._build.__wrapped__("opt1", "render", "build", ())
-    with pytest.raises(StudyError, match=r"build: no end after 0.5 s; killed"):
+    with pytest.raises(StudyError, match=r"build: .* 0\.5 s"):
         build.build_together([(Spec("opt1", "opt1"), "render")], 1)
     assert processes.ends((tmp_path / "pid").read_text().strip())
 
@@ -64,7 +64,7 @@ def test_a_driver_that_hangs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     monkeypatch.setenv(child.LIMIT, "0.5")
     lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.3; done; exec sleep 600"], None, 0)
     found = []
-    with pytest.raises(run.DriverError, match=r"sh: no end after 0.5 s; killed"):
+    with pytest.raises(run.DriverError, match=r"sh: .* 0\.5 s"):
         found += lines  # three lines, for longer than the limit: each sets the watch again
     lines = run._lines(["sh", "-c", "for i in 1 2 3; do echo $i; sleep 0.3; done"], None, 0)
     assert list(lines) == ["1\n", "2\n", "3\n"]
@@ -75,7 +75,7 @@ def test_work_that_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeping = [sys.executable, "-c", "import time; time.sleep(600)"]
     with (
         subprocess.Popen(sleeping) as process,
-        pytest.raises(StudyError, match=r"frames: no end after 0.5 s"),
+        pytest.raises(StudyError, match=r"frames: .* 0\.5 s"),
     ):
         progress.until(process, "frames", lambda: 1, 2)
     assert process.returncode == -signal.SIGKILL

@@ -92,8 +92,8 @@ def small_root(root: Path, **heads: dict[str, str | None]) -> Path:
         ({"what": None}, "'what"),
         ({"direction": "up"}, "direction .*'up'"),
         ({"colour": "red"}, r"t\.patch:5: 'colour: red'"),
-        ({"after": "gone"}, r"'opt1\+gone', .*t\.patch .*opt1 has t"),
-        ({"after": "t"}, r"t\.patch: comes after itself"),
+        ({"after": "gone"}, r"'opt1\+gone', .*t\.patch"),
+        ({"after": "t"}, r"t\.patch: .*after"),
     ],
 )
 def test_a_bad_head_is_refused(tmp_path, changes, words):
@@ -108,7 +108,7 @@ def test_a_head_line_may_go_on_and_may_not_come_twice(tmp_path):
     path = small_root(tmp_path, t={"what": "one\n  two"}) / "phases/opt1/ablations/t.patch"
     assert patches.read(path).head["what"] == "one two"
     path.write_text("what: again\n" + path.read_text())
-    with pytest.raises(PatchError, match=r"t\.patch:2: a second 'what:'"):
+    with pytest.raises(PatchError, match=r"t\.patch:2: .*'what:'"):
         patches.read(path)
     path.write_text("what: only a head\n")
     with pytest.raises(PatchError, match="no diff"):

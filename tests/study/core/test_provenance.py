@@ -41,17 +41,17 @@ def mixed(tmp_path) -> Path:
 def test_each_file_s_own_commit_and_hour_are_said(mixed):
     found = provenance.contexts(mixed, FILES)
     assert list(found) == ["rods", "fixed"]
-    where = "AMD EPYC (Zen 3); gcc 12.2.0; "
-    rods_said = "694a2379e4 (rods 2026-11-22T20:24)"
-    assert provenance.line(found) == f"{where}{rods_said}; da3dd80826 (fixed 2026-11-22T21:24)"
+    where, rods, fixed = provenance.line(found).rsplit("; ", 2)
+    assert where == "AMD EPYC (Zen 3); gcc 12.2.0"
+    assert [rods, fixed] == [f"{OLD[:10]} (rods 2026-11-22T20:24)", f"{NEW[:10]} (fixed 2026-11-22T21:24)"]
     write(mixed, lattice.FILE, {"rows": [], "context": context(OLD, "20:54", dirty=True)})
     changed = provenance.line(provenance.contexts(mixed, FILES))
-    assert "694a2379e4 with uncommitted changes (lattice 2026-11-22T20:54)" in changed
+    assert "uncommitted" in changed and "(lattice 2026-11-22T20:54)" in changed
     assert provenance.commits(mixed)[NEW[:10]] == ["fixed"]
     assert provenance.commits(mixed)[OLD[:10]] == ["context", "rods"]
     elsewhere = Context.of(context(NEW, "22:00") | {"compiler": "clang 19"}, "")
     said = provenance.line(found | {"packets": elsewhere})
-    assert said.endswith(" AMD EPYC (Zen 3); clang 19; da3dd80826 (packets 2026-11-22T22:00)")
+    assert said.split("; ")[-2:] == ["clang 19", f"{NEW[:10]} (packets 2026-11-22T22:00)"]
 
 
 def test_how_quiet_the_machine_was_by_hand(mixed):

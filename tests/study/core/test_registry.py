@@ -98,7 +98,7 @@ def test_an_unknown_name_names_the_nearest():
         registry.find_phase("op4")
     with pytest.raises(StudyError, match=r"'mandlebulb'.* mandelbulb"):
         registry.find_scene("mandlebulb")
-    with pytest.raises(StudyError, match=r"no scene 'xyz'; there are .*cubes"):
+    with pytest.raises(StudyError, match=r"'xyz'.*cubes"):
         registry.find_scene("xyz")
     with pytest.raises(StudyError, match=r"'flythrough' .* common/scenes/animated"):
         registry.find_scene("flythrough")
@@ -134,6 +134,7 @@ WIDE = [
 ]
 
 
+ARITHMETIC = {"-O3", "-mavx2", "-mfma", "-ffp-contract=off"}
 GCC = "gcc (Debian 12.2.0-14+deb12u1) 12.2.0"
 
 
@@ -161,4 +162,4 @@ def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, k
         words = [word for word in variant.flags.split() if knows or not word.startswith(registry.COPIES)]
         assert own.split(" -DLANES=")[0] == " ".join(words)
         told = f"{phase.cflags} {own.partition('-DLANES')[0]}"
-        assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"
+        assert set(registry.arithmetic_flags(told, phase.variants).split()) == ARITHMETIC

@@ -66,7 +66,7 @@ def test_how_a_child_ends(inside: Path) -> None:
 
 def test_what_hangs_goes_with_what_it_started(inside: Path) -> None:
     mark = f"0.{uuid.uuid4().int}"
-    with pytest.raises(StudyError, match="no end after 1 s"):
+    with pytest.raises(StudyError, match=r"sh: .* 1 s"):
         child.run(["sh", "-c", f"sleep 77{mark} & sleep 78{mark}"], capture_output=True, timeout=1)
     left = [pid.name for pid in Path("/proc").glob("[0-9]*") if mark in arguments(pid)]
     assert all(processes.ends(pid) for pid in left)
@@ -85,11 +85,11 @@ def test_limits_hold_without_it(how: str, tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(sandbox, "TOOL", "bwrap-that-is-not-there")
     if how == "refused":
         tool = tmp_path / "refused"
-        tool.write_text("#!/bin/sh\necho no namespaces for you >&2\nexit 1\n")
+        tool.write_text("#!/bin/sh\necho namespaces >&2\nexit 1\n")
         tool.chmod(0o755)
         monkeypatch.setattr(sandbox, "TOOL", str(tool))
     with sandbox.entered(tmp_path) as lacking:
-        assert ("no namespaces for you" if how == "refused" else "bubblewrap") in lacking
+        assert ("namespaces" if how == "refused" else "bubblewrap") in lacking
         limits = {"v": sandbox.MEMORY // 1024, "f": sandbox.FILE // 1024, "t": sandbox.CPU, "c": 0}
         assert said("bash", "-c", "ulimit -v -t -c; ulimit -f")[0] == 0
         for letter, limit in limits.items():

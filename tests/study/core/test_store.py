@@ -48,7 +48,7 @@ def test_latest_is_the_newest_of_any_machine(tmp_path):
 def test_what_is_not_there_is_named(tmp_path):
     with pytest.raises(StudyError, match="scripts/stepwise sweep"):
         Run.latest(tmp_path)
-    with pytest.raises(StudyError, match=r"not a run \(no plan\.json\)"):
+    with pytest.raises(StudyError, match=r"plan\.json"):
         Run.open(tmp_path)
 
 

@@ -47,7 +47,7 @@ def test_of_a_group_the_event_is_named_that_the_cpu_does_not_have() -> None:
     lines = [
         f"<not {'supported' if event == 'fp_ret:u' else 'counted'}>;;{event};0;100.00;;" for event in events
     ]
-    with pytest.raises(StudyError, match=r"fp_ret:u was not supported") as error:
+    with pytest.raises(StudyError, match=r"fp_ret:u") as error:
         pmu.parse("\n".join(lines), events)
     assert error.value.exit_status == CANNOT_RUN
 

@@ -55,9 +55,9 @@ def test_other_output_is_refused(text):
 
 def test_other_records_and_names_with_spaces_are_no_error():
     more = RECORDED + "1/1 1.0: PERF_RECORD_LOST_SAMPLES lost 3\n"
-    more += "1/2 1.5:  7 cycles:u:  1000 operator new(int)+0x1 (/a lib/with space (deleted))\n"
+    more += "1/2 1.5:  7 cycles:u:  1000 operator new(int)+0x1 (/a lib/of (deleted))\n"
     last = perf.parse(more).samples[-1]
-    assert (last.tid, last.name, last.dso) == (2, "operator new(int)", "/a lib/with space (deleted)")
+    assert (last.tid, last.name, last.dso) == (2, "operator new(int)", "/a lib/of (deleted)")
 
 
 # --- what is of a frame

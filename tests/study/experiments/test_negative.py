@@ -31,16 +31,16 @@ def result(*rows: Row) -> Ablations:
 @pytest.mark.parametrize(
     ("low", "high", "verdict", "outcome"),
     [
-        (1.01, 1.2, "within", "pays"),
-        (1.01, 1.2, "identical", "pays"),
-        (1.01, 1.2, "approximate", "pays, at that error"),
-        (1.01, 1.2, "OUTSIDE", "pays, at that error"),
-        (0.99, 1.2, "within", "cannot be told here"),
-        (0.93, 1.64, "approximate", "cannot be told here"),
-        (1, 1.06, "within", "cannot be told here"),
-        (0.97, 1.05, "within", "no gain"),
-        (0.97, 1, "within", "no gain"),
-        (0.8, 0.99, "approximate", "slower"),
+        (1.01, 1.2, "within", chapter.PAYS),
+        (1.01, 1.2, "identical", chapter.PAYS),
+        (1.01, 1.2, "approximate", chapter.COSTS),
+        (1.01, 1.2, "OUTSIDE", chapter.COSTS),
+        (0.99, 1.2, "within", verdicts.UNSURE),
+        (0.93, 1.64, "approximate", verdicts.UNSURE),
+        (1, 1.06, "within", verdicts.UNSURE),
+        (0.97, 1.05, "within", chapter.NOTHING_GAINED),
+        (0.97, 1, "within", chapter.NOTHING_GAINED),
+        (0.8, 0.99, "approximate", chapter.SLOWER),
     ],
 )
 def test_the_whole_interval_is_asked_and_the_picture(low, high, verdict, outcome) -> None:

@@ -60,5 +60,5 @@ def test_typst_sets_it_whatever_the_machine_is_called(data, tmp_path):
     broken = tmp_path / "broken"
     broken.mkdir()
     shutil.copy(report_pdf.TEMPLATE, broken)
-    with pytest.raises(StudyError, match=r"typst: .*file not found"):
+    with pytest.raises(StudyError, match="typst: "):
         report_pdf.typeset(broken, Path(tmp_path / "none.pdf"))

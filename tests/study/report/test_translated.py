@@ -51,7 +51,7 @@ def test_the_ladders_own_tables_mark_the_row(run: Path) -> None:
     text = show.markdown(show.table(list(rows.to_dict("records")), columns.LADDER))
     assert "opt4 (SIMDe)" in text and "opt1 (SIMDe)" not in text
     block = published_tables.ladder_block(analysis.load(run), rows)
-    assert block.count("opt3, opt4: AVX2 code") == 1
+    assert block.count("opt3, opt4: ") == 1
 
 
 def test_a_machines_table_of_published_runs_says_so(run: Path) -> None:
@@ -66,7 +66,7 @@ def test_a_machines_table_of_published_runs_says_so(run: Path) -> None:
     context["cpu"]["microarchitecture"] = "Another"
     (other / "context.json").write_text(json.dumps(context))
     block = published_tables.machines_block([analysis.load(run), analysis.load(other)])
-    assert block.count("| opt4 |") == 2 and block.count("opt3, opt4: AVX2 code") == 1
+    assert block.count("| opt4 |") == 2 and block.count("opt3, opt4: ") == 1
 
 
 def test_a_run_of_x86_says_nothing() -> None:

@@ -117,15 +117,15 @@ def test_an_experiment_is_found_by_its_folder(copy: Path) -> None:
     """By the list, make, the study, its own command, the documents, the report, publish and redraw."""
     run = "results/machine/run"
     assert len(BLOCK.findall(PAGE)) == 3
-    assert re.search(r"^ +sizes +How many lines", said(copy, "scripts/stepwise", "list"), re.MULTILINE)
-    assert re.search(r"make sizes +How many lines", said(copy, "make", "help"))
+    assert re.search(r"^ +sizes +\w", said(copy, "scripts/stepwise", "list"), re.MULTILINE)
+    assert re.search(r"make sizes +\w", said(copy, "make", "help"))
     assert "study --part sizes" in said(copy, "make", "-n", "sizes")
     refused = subprocess.run(
         ["scripts/stepwise", "study", "--part", "x"], cwd=copy, capture_output=True, text=True
     )
     assert refused.returncode == 2 and "sizes" in refused.stderr
     lines = said(copy, "scripts/stepwise", "sizes", "--phase", "baseline", "opt1", "--run", run)
-    assert re.fullmatch(r"baseline: \d+ lines\nopt1: \d+ lines\n", lines)
+    assert [line.partition(":")[0] for line in lines.splitlines()] == ["baseline", "opt1"]
     said(copy, "scripts/stepwise", "docs")
     assert "## sizes" in (copy / "docs" / "commands.md").read_text(encoding="utf-8")
     assert "lines" in (copy / "build" / "docs" / "keys" / "sizes.json.md").read_text(encoding="utf-8")

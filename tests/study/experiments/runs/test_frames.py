@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -108,7 +109,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     chapter = experiment.section(SimpleNamespace(path=tmp_path))
     text = chapter.parts[0].markdown
     assert "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text
-    assert "61.5 [60" in chapter.answer and "50.0 dB (4×4 means) to opt3" in chapter.answer
+    assert "61.5 [60" in chapter.answer and "50.0 dB" in chapter.answer
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):
         assert chapter.drawn["frames"].make().axes
@@ -139,6 +140,6 @@ def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) 
     words = ["--phase", "opt10_scene", "--scene", "scene0", "-n", "16", "--launches", "1", "--budget", "3600"]
     assert emitted.told("frames", *words, "--run", tmp_path, "--json") == cli.FAILED
     said = capsys.readouterr()
-    assert "FAIL opt10_scene on scene0: 0 " in said.err and " 1 bytes " in said.err
+    assert re.search(r"^FAIL opt10_scene .*\b0 .*\b1 bytes", said.err, re.MULTILINE)
     row = emitted.result(said.out)["rows"][0]
     assert (row["presented_by"], row["displayed_otherwise"], row["present_ms"]) == ("phase", 1, 0)

@@ -62,12 +62,12 @@ def test_joined_by_hand() -> None:
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ([made(1, 2)], "not shards 1 to 1 of 1"),
-        ([made(1, 2), made(1, 2)], "not shards 1 to 2 of 2, each once"),
+        ([made(1, 2)], "1 to 1"),
+        ([made(1, 2), made(1, 2)], "once"),
         ([made(2, 2), made(1, 2)], "in order"),
-        ([made(1, 2), made(2, 3)], "not shards 1 to 2 of 2"),
-        ([{"rows": []}], "not shards 1 to 1 of 1"),
-        ([made(1, 2), made(2, 2, tool="b")], "shards 1 and 2 of 2 differ in 'tool'"),
+        ([made(1, 2), made(2, 3)], "1 to 2"),
+        ([{"rows": []}], "1 to 1"),
+        ([made(1, 2), made(2, 2, tool="b")], "'tool'"),
     ],
 )
 def test_what_is_no_whole_is_not_joined(parts: list[dict[str, object]], said: str) -> None:
