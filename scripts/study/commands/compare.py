@@ -143,8 +143,12 @@ def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace)
     return changes.confirmed(found, times, args.least)
 
 
-def uncounted(found: Sequence[Row]) -> list[Fault]:
-    """Of one thread: counts do not depend on their number."""
+def uncounted(found: Sequence[Row], by: str) -> list[Fault]:
+    """What --by asks for and a run lacks. Instructions: of one thread, for they do not depend on threads."""
+    if by != INSTRUCTIONS:
+        lack = f"no {BASE} beside it" if by == BASE else f"no {by}"
+        rows = [row for row in found if row.verdict == changes.UNMEASURED and (by, row.spec) != (BASE, BASE)]
+        return [Fault(UNCOUNTED, row.run, f"{row.name}: {lack} in both runs") for row in rows]
     how = "count both runs with scripts/stepwise flops --measure"
     rows = [row for row in found if row.threads == 1 and not row.verdict.startswith(NONE)]
     told = {row: f"{row.spec} {row.scene}; {how} -n {row.height} --run RUN" for row in rows}
@@ -186,6 +190,8 @@ def run(args: argparse.Namespace) -> Outcome:
     lettered = zip(ascii_uppercase, args.runs, strict=False)
     sides = [two_runs.read(letter, path, args.leave_out_off_clock) for letter, path in lettered]
     base, *others = sides
+    if args.by != "time" and (other := next((s.run for s in sides if s.run.plan.programs), None)):
+        raise StudyError(f"--by {args.by} is of phases, and {other} is of other programs: leave it out")
     lenient = MACHINE in args.allow
     found = [row for other in others for row in changes.rows(base, other, args.by, args.least, lenient)]
     found.sort(key=lambda row: (*row.key, row.run))
@@ -196,8 +202,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if not found and not first:
         raise StudyError(f"{', '.join(str(side.run) for side in sides)}: no phase, scene and size in common")
     missing = [fault for other in others for fault in two_runs.faults(base, other)]
-    if args.by == INSTRUCTIONS:
-        missing += uncounted(found)
+    missing += uncounted(found, args.by)
     new = [f"only in {other.letter}: {name}" for other in others for name in other.beyond(base)]
     differ = two_runs.differences(sides)
     told: dict[str, Any] = {"seed": args.seed} if args.confirm else {}
@@ -215,7 +220,7 @@ def run(args: argparse.Namespace) -> Outcome:
         lines += [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
     if not args.fail_on_slower:
         return Outcome(told, lines)
-    names = {row: f"{row.spec} {row.scene} {row.size} ({row.why(args.by)})" for row in found}
+    names = {row: f"{row.name} ({row.why(args.by)})" for row in found}
     slower = [
         Fault(SLOWER, row.run, f"{SLOWER} in {row.run}: {name}")
         for row, name in names.items()

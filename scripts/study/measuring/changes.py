@@ -19,7 +19,7 @@ INSTRUCTIONS, BLOCKS = "instructions", "blocks"
 MOVED = 0.005  # a quantity that changed by less is not what moved, however narrow its interval
 FASTER, SLOWER, SAME, FEW = "faster", "slower", "the same within noise", "unknown (too few launches)"
 NONE, ONCE = "no verdict", "slower once, not confirmed"
-TWO_MODES = f"{NONE} (two modes)"
+TWO_MODES, UNMEASURED = f"{NONE} (two modes)", f"{NONE} (not measured)"
 Samples = tuple[np.ndarray, np.ndarray]  # of the base and of the run
 Key = tuple[str, int, int, int, str]  # scene, width, height, threads, spec
 
@@ -53,6 +53,10 @@ class Row:
     @property
     def key(self) -> Key:
         return self.scene, self.width, self.height, self.threads, self.spec
+
+    @property
+    def name(self) -> str:
+        return " ".join(filter(None, (self.spec, self.scene, self.size)))
 
     @property
     def p(self) -> float | None:
@@ -171,7 +175,7 @@ def rows(base: Side, other: Side, by: str, least: float, machine_may_differ: boo
         if another or not same:
             verdict = f"{NONE} (other {'machine' if same else 'scene'})"
         elif samples is None:
-            verdict = f"{NONE} (not measured)"
+            verdict = UNMEASURED
         elif min(map(len, samples)) < ENOUGH:
             verdict = FEW
         elif any(map(modes.modes, samples)) and not _apart(*samples, least):

@@ -152,6 +152,15 @@ def test_what_was_not_counted_stops_a_gate_by_instructions(tmp_path) -> None:
     assert run(a.path, b.path, "--by", "instructions", *allowed).returncode == 0
 
 
+def test_a_gate_by_baseline_that_nobody_timed_beside_fails(tmp_path) -> None:
+    a, b = (make_run(tmp_path / name, {("opt1", "s"): 1}) for name in "ab")
+    done = run(a.path, b.path, "--by", "baseline", "--fail-on-slower")
+    assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt1 s" in done.stderr
+    times = {("baseline", "s"): 9, ("opt1", "s"): 1}  # baseline itself has no verdict
+    a, b = (make_run(tmp_path / name, times) for name in "cd")
+    assert run(a.path, b.path, "--by", "baseline", "--fail-on-slower").returncode == 0
+
+
 def test_too_many_verdicts_for_so_few_launches_are_named(tmp_path) -> None:
     times = {(f"opt{i}", scene): 1 for i in range(1, 9) for scene in "stu"}  # 24 verdicts, 6 launches: 23
     runs = [make_run(tmp_path / name, times, launches=6).path for name in "ab"]

@@ -300,6 +300,7 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
         {(f"{program} {{n}}", case): 0.8 for case in ("n=1", "n=2")}
         | {(BOTH, case): 1 for case in ("n=1", "n=2")}
     )
+    assert stepwise("compare", *folders, "--by", "instructions").returncode == cli.BAD_INPUT
     done = stepwise("compare", "--export", "hyperfine", folders[1])
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / "direct.json").read_text())
