@@ -59,8 +59,12 @@ def main() -> None:
     if len(page.encode()) > MOST:
         sys.exit(f"build.py: the page has {len(page.encode()):,} bytes; at most {MOST:,} are allowed")
     temporary = out.with_suffix(".tmp")
-    temporary.write_text(page)
-    temporary.rename(out)
+    try:
+        temporary.write_text(page)
+        temporary.rename(out)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        sys.exit(f"build.py: {out}: cannot be written: {error.strerror}")
     print(f"make web: {out}, {len(page.encode()) / 1e6:.2f} MB; open it in a browser")
 
 

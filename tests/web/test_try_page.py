@@ -6,6 +6,7 @@ import http.server
 import json
 import shutil
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -129,6 +130,16 @@ def test_one_small_file_needs_nothing_else(page: Path) -> None:
     text = page.read_text()
     assert len(text.encode()) <= 3_000_000
     assert "http" not in text.partition("<script")[0].replace("http-equiv", "") and "src=" not in text
+
+
+def test_a_full_disk_is_one_line_and_leaves_what_was_there(tmp_path: Path) -> None:
+    """A limit on the size of a file stands for the disk."""
+    page = tmp_path / "try.html"
+    page.write_text("earlier")
+    command = ["sh", "-c", 'ulimit -f 8; exec "$@"', "sh", sys.executable, ROOT / "web" / "build.py"]
+    done = subprocess.run([*command, tmp_path, page], capture_output=True, text=True)  # without a phase
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1) and f"{page}: cannot be written" in done.stderr
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["earlier"]
 
 
 def test_no_script_fails_and_the_first_picture_comes_soon(said: dict) -> None:
