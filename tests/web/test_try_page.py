@@ -138,7 +138,8 @@ def test_a_full_disk_is_one_line_and_leaves_what_was_there(tmp_path: Path) -> No
     page.write_text("earlier")
     command = ["sh", "-c", 'ulimit -f 8; exec "$@"', "sh", sys.executable, ROOT / "web" / "build.py"]
     done = subprocess.run([*command, tmp_path, page], capture_output=True, text=True)  # without a phase
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1) and f"{page}: cannot be written" in done.stderr
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
+    assert f"{page}: cannot be written" in done.stderr
     assert [path.read_text() for path in tmp_path.iterdir()] == ["earlier"]
 
 
