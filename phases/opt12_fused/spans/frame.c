@@ -6,10 +6,9 @@
 #include "spans/spans.h"
 #include "types/known_scene.h"
 
-// Solids are this much larger where float knows a point of a plane, of this scene's bounds, no better.
+// Solids are this much larger, of the scene's bounds, for rays that start on a surface: float knows points, directions
+// and ratios no better (PROOFS.md, 7.).
 #define POINT_ERROR 0x1p-20
-// A cone that no solid comes into by this much may yet be darkened in float. As opt11_ideal's lit_ratio().
-#define SLOPE_MARGIN (1 + 1e-5)
 
 // The outline of solid i as seen from the eye, in the picture.
 static void add_outline(struct fused_frame *frame, int i) {
@@ -60,13 +59,8 @@ static void add_plane(struct fused_frame *frame, int i) {
     }
 }
 
-// The ball of light that a point of plane i, or of a ball, sees through a cone of the frame's slope: the light, with
-// slope·far as its radius; far: the points' greatest distance from it (PROOFS.md, 6.).
-static double ball_of_light(const struct fused_frame *frame, double far) {
-    return frame->slope * SLOPE_MARGIN * far;
-}
-
-// The circle on a plane around the points that a ball of radius r at `to` from the light can darken.
+// The circle on a plane around the points that a ball of radius r at `to` from the light can darken. ball: what they see
+// through a cone of the frame's slope, the light with slope·(their greatest distance from it) as its radius.
 struct dark_circle {
     bool none;
     double centre[3], radius;
@@ -107,7 +101,7 @@ static void add_dark(struct fused_frame *frame, int i, int j) {
     struct dark_circle circle = {0};
     for (int step = 0; step < 3;
          step++) { // a darkened point is in the circle, so no further off than its rim
-        ball = ball_of_light(frame, sqrt(plane.lit * plane.lit + aside * aside));
+        ball = frame->slope * sqrt(plane.lit * plane.lit + aside * aside);
         circle = circle_of(frame, &plane, to, s->bound + grow, ball);
         double apart[3];
         span_along(circle.centre, frame->light, -1, apart);
@@ -120,8 +114,7 @@ static void add_dark(struct fused_frame *frame, int i, int j) {
     *region = (struct dark_region){.solid = j, .plane = i};
     for (int k = 0; k < 3; k++)
         region->centre[k] = (float)circle.centre[k];
-    double radius = circle.radius * (1 + ANGLE_ERROR) + grow;
-    region->radius_sq = isfinite(radius) ? (float)(radius * radius * (1 + 1e-6)) : INFINITY;
+    region->radius_sq = (float)(circle.radius * circle.radius);
     struct span_item *item = new_item(frame, ROLE_DARK + j);
     set_dark_cone(item, frame, &plane, to, s->bound + grow, ball);
     if (s->type == SHAPE_SPHERE)
@@ -146,7 +139,7 @@ static void add_reflected(struct fused_frame *frame, int i, int j, double offset
     struct span_item *item = new_item(frame, ROLE_REFLECTED + j);
     for (int k = 0; k < 3; k++)
         at[k] = -span_dot(s->row[k], to);
-    if (far <= s->bound * (1 + ANGLE_ERROR) + grow)
+    if (far <= s->bound + grow)
         return; // the image is within: no bound
     struct span_hull hull = {s, s->bound, grow};
     struct span_source eye = source_at(at, 0);
@@ -169,8 +162,7 @@ static void set_pairs(struct fused_frame *frame, int j) {
         }
         double from[3], lit[3];
         span_along(p->centre, frame->light, -1, lit);
-        double other = p->bound + grow,
-               ball = ball_of_light(frame, sqrt(span_dot(lit, lit)) + other);
+        double other = p->bound + grow, ball = frame->slope * (sqrt(span_dot(lit, lit)) + other);
         double sine = (r + ball) / far;
         bool may = !(sine < 1);
         if (!may) {
@@ -192,7 +184,7 @@ static double top_of_others(const struct fused_frame *frame, int i, const double
             continue;
         for (int a = 0; a < 3; a++)
             local[a] = span_dot(s->row[a], n);
-        struct span_hull hull = {s, s->bound, POINT_ERROR * frame->bounds_radius};
+        struct span_hull hull = {s, s->bound, 0};
         top = fmax(top, span_dot(n, s->centre) + span_support(&hull, local));
     }
     return top;

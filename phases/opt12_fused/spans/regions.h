@@ -7,7 +7,7 @@
 #include "spans/tangents.h"
 
 // By how much, in radians, a ray in float may pass a solid otherwise than its direction says. Measured on rays at
-// outlines (tests/c/phases/test_spans.c), with room.
+// outlines (tests/c/spans/test_span_outlines.c), with room.
 #define ANGLE_ERROR 0x1p-17
 
 // A plane as seen from a point above it. fall·(x, y, 1): how steeply a ray comes down. lit: the light's height.
@@ -253,7 +253,7 @@ static inline void set_dark_sides(struct span_item *item, const struct fused_fra
     }
 }
 
-// The outline of a solid in a plane's mirror. eye: the eye's mirror image.
+// The outline of a solid in a plane's mirror; the hull is larger by what float may err. eye: the eye's mirror image.
 static inline void set_reflected(struct span_item *item, const struct fused_frame *frame,
                                  const double normal[3], const struct span_hull *hull,
                                  const struct span_source *eye) {
@@ -267,6 +267,6 @@ static inline void set_reflected(struct span_item *item, const struct fused_fram
         double m[3];
         span_along(t.m[k], local, -2 * span_dot(t.m[k], local), m);
         if (t.found[k])
-            cut_from_eye(item, frame, s, m, 1);
+            cut_from_eye(item, frame, s, m, 0);
     }
 }

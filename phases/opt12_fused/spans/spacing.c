@@ -85,70 +85,51 @@ static inline double most_times(const struct row_light *r, double sign) {
     return turn > r->low && turn < r->high ? fmax(most, sign * (q[0] + 0.5 * q[1] * turn)) : most;
 }
 
-// A bound of the error of interpolation: sixth·step⁶ + rest, in colours, with nodes `step` apart.
-struct row_error {
-    double sixth, rest;
-};
-
-// The highlight's. Where its cosine is negative it is 0, with six derivatives if the power is 7 or more.
-static struct row_error shine_error(const struct row_light *r, double radius, double spot,
-                                    double over) {
-    struct row_error e = {0, 0};
+// The size of the highlight near the row, divided by that of the rest. Where its cosine is negative it is 0, with six
+// derivatives if the power is whole and 7 or more.
+static double shine_size(const struct row_light *r, double radius, double over) {
     double up = most_times(r, 1), down = most_times(r, -1);
     if (up <= 0)
-        return e;
+        return 0;
     double edge = fmax(fabs(r->low), fabs(r->high)), grow = fabs(r->times[1]);
     grow = radius * (grow + fabs(r->times[2]) * (2 * edge + radius));
     int n = (int)fmin(r->shine, 1e6);
+    if (down + grow >= 0 && (n < 7 || n != r->shine))
+        return INFINITY;
     double cosine = (up + grow) * over;
-    e.sixth = spot * whole_power(cosine, n) * fmax(cosine, 1);
-    if (n != r->shine && down + grow >= 0) // a root is nowhere smooth about 0
-        e.rest = 2.3 * spot * whole_power(up * over, n) * fmax(up * over, 1);
-    else if (n < 7 && down > 0)
-        e.rest = 2.3 * spot * whole_power(down * over, n);
-    return e;
+    return whole_power(cosine, n) * fmax(cosine, 1);
 }
 
-// From discs of this radius about the row.
-static struct row_error error_of(const struct row_light *r, double radius) {
+// Returns a bound of the error of interpolation, in colours, for nodes at distance 1; it grows with the sixth power of
+// that. From discs of this radius about the row.
+static double error_of(const struct row_light *r, double radius) {
     double aside = radius / r->light.apart, bend = radius / r->point.apart;
     double sway = radius * fabs(r->fall[1]) / r->least_fall;
     if (!(aside < 0.9) || !(bend <= 0.5) || !(sway <= 0.1) || !(radius <= 0.5 * r->look.apart))
-        return (struct row_error){INFINITY, 0};
+        return INFINITY;
     double most_fall = r->most_fall + radius * fabs(r->fall[1]);
     double least_light = r->light.least * sqrt(1 - aside * aside), per = most_fall / least_light;
-    // What the fog leaves is exp(−z): through >= |exp(−z)|, taken >= |1 − exp(−z)|.
-    double through = 1, taken = 0;
-    if (r->fog > 0) {
-        double turn = 1.0472 * (1.5 * bend + 3 * sway); // asin a <= π/3·a for a <= 1/2
-        double near = r->point.least * sqrt(1 - bend * bend) / most_fall;
-        double far = fmax(length_at(&r->point, r->low), length_at(&r->point, r->high));
-        far = (far + radius * r->point.rate) / (r->least_fall * (1 - sway));
-        double z = fmax(r->fog * near * near * near * (1 - 0.5 * turn * turn), 0);
-        through = 1 / (1 + z * (1 + z * (0.5 + z / 6)));
-        taken = fmin(1 + through, r->fog * far * far * far);
-    }
+    double far = fmax(length_at(&r->point, r->low), length_at(&r->point, r->high));
+    far = (far + radius * r->point.rate) / (r->least_fall * (1 - sway));
+    double fogged = fmin(2, r->fog * far * far * far); // what the fog takes
     // Without fog, light is a product of powers: its sixth coefficient is 84 times the nearest zero's, or less.
     double facing = r->lit * per, diffuse = facing * per, clear = fmax(aside, sway);
     clear = 84 * clear * clear * clear * clear * clear * clear;
-    double sum = fmin(diffuse * through, diffuse * (taken + clear));
+    double sum = diffuse * fmin(1, fogged + clear);
     double tall = fmax(length_at(&r->light, r->low), length_at(&r->light, r->high));
     if (r->lit * r->least_fall < 1.001 * tall / r->strength) // else the plane cannot darken itself
-        sum += diffuse * through * r->strength * fmin(facing, facing * clear);
-    double over = 1 / (least_light * r->look.least * sqrt(0.75));
-    struct row_error e = shine_error(r, radius, 0.2 * per * through, over);
+        sum += diffuse * r->strength * facing * fmin(1, clear);
+    sum += 0.2 * per * shine_size(r, radius, 1 / (least_light * r->look.least * sqrt(0.75)));
     double third = radius * radius * radius;
-    e.sixth = 3.516 * (r->bright * (sum + e.sixth) + 0.01 * fmin(through, taken)) / (third * third);
-    e.rest *= r->bright;
-    return e;
+    return 3.516 * (r->bright * sum + 0.01 * fmin(1, fogged)) / (third * third);
 }
 
 // The greatest spacing of nodes, in pixels of this width, whose error is below `most`: 64, 32 or 16; or 8, too little.
-static inline int widest_spacing(struct row_error e, double pixel, double most) {
+static inline int widest_spacing(double error, double pixel, double most) {
     int spacing = 64;
     for (; spacing >= 16; spacing /= 2) {
         double third = pixel * spacing * pixel * spacing * pixel * spacing;
-        if (e.sixth * third * third + e.rest < most)
+        if (error * third * third < most)
             break;
     }
     return spacing;

@@ -23,6 +23,8 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
     costs       (optional) why the patched costs.def says nothing of its FLOPs
     idea        (optional) the idea that the patch takes out, in a few words: a row of the lesson's table
     code        (optional) where the idea stands, for its number of lines: FILE or FILE:FUNCTION, by blanks
+    counts      (optional) a heading: the patched program counts pixels and ticks by what that names, and at
+                its end writes a line of each, "PIXELS TICKS NAME", into the file STEPWISE_COUNTS
 
 and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
@@ -43,7 +45,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 FAMILIES = {"phases": "ladder", "systems": "systems", "truth": "truth"}  # by the first folder of the path
 REQUIRED = ("what", "paper", "direction", "against")
-OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs", "idea", "code")
+OPTIONAL = "after", "beside", "flags", "tolerance", "error", "scenes", "costs", "idea", "code", "counts"
 SOURCES = ("*.[ch]", "*.def")
 OWN_KEYS = "title", "order", "parent", "idea", "paper", "derives", "without"  # never a parent's
 HUNK = re.compile(r"@@ -(\d+)(?:,(\d+))? \+\d+(?:,(\d+))? @@")

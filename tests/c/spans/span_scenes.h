@@ -1,5 +1,5 @@
-// Random scenes for the spans of opt12_fused: one or two planes, and a solid of each type above them or in part below;
-// camera and light above the planes.
+// Random scenes for the spans of opt12_fused: two planes, and a solid of each type above them or in part below; camera
+// and light above the planes.
 #pragma once
 
 #include "tests/c/testing.h"
@@ -15,8 +15,13 @@
 #include "spans/frame.c"
 #include "spans/spacing.c"
 
-enum { PLANES = 2, SOLIDS = 6, SHAPES = PLANES + SOLIDS };
+#include "scene_kernel.h"
+
+enum { PLANES = 2, SOLIDS = SHAPES - PLANES };
 #define BOUNDS 100.0
+
+// A scene's size, and where it is. A small one far from the origin has few bits for its points.
+static double unit = 1, away[3];
 
 struct random_scene {
     struct primitive shape[SHAPES];
@@ -81,7 +86,7 @@ static void set_solid(struct primitive *s, int index, double size) {
         turn[k] = random_from(-180, 180);
     rotation_matrix(turn, matrix);
     for (int k = 0; k < 3; k++) {
-        s->centre[k] = random_from(-8, 8);
+        s->centre[k] = away[k] + unit * random_from(-8, 8);
         s->position[k] = (float)s->centre[k];
         for (int j = 0; j < 3; j++) {
             s->row[k][j] = matrix[k][j];
@@ -102,7 +107,7 @@ static void set_plane(struct primitive *s, int index) {
     direction_from(s->row[0]);
     if (index == 0 && random_from(0, 2) < 1)
         memcpy(s->row[0], (double[3]){0, 1, 0}, sizeof s->row[0]);
-    s->offset = random_from(-12, -4);
+    s->offset = dot3(s->row[0], away) + unit * random_from(-12, -4);
     for (int k = 0; k < 3; k++)
         s->normal[k] = (float)s->row[0][k];
     s->c = (float)s->offset;
@@ -119,8 +124,8 @@ static bool is_clear(const struct random_scene *scene, const double p[3]) {
         const struct primitive *s = &scene->shape[i];
         double to[3];
         span_along(s->centre, p, -1, to);
-        clear =
-            clear && (i < PLANES ? height_of(s, p) > 0.1 : sqrt(dot3(to, to)) > 1.02 * s->bound);
+        clear = clear &&
+                (i < PLANES ? height_of(s, p) > 0.1 * unit : sqrt(dot3(to, to)) > 1.02 * s->bound);
     }
     return clear;
 }
@@ -129,7 +134,7 @@ static void place(const struct random_scene *scene, double most, double p[3]) {
     do {
         direction_from(p);
         for (int k = 0; k < 3; k++)
-            p[k] *= most;
+            p[k] = away[k] + unit * most * p[k];
     } while (!is_clear(scene, p) && (most *= 0.99) > 0);
 }
 
@@ -145,18 +150,20 @@ static void set_scene(struct random_scene *scene, int width, int height) {
     for (int i = 0; i < PLANES; i++)
         set_plane(&scene->shape[i], i);
     for (int i = PLANES; i < SHAPES; i++)
-        set_solid(&scene->shape[i], i, pow(10, random_from(-0.7, 0.4)));
+        set_solid(&scene->shape[i], i, unit * pow(10, random_from(-0.7, 0.4)));
     scene->known.primitives = scene->shape;
     scene->known.model = (struct known_model){.shape_count = SHAPES,
                                               .shadows = SHADOWS_SOFT,
                                               .shadow_strength = pow(10, random_from(0.1, 1)),
                                               .fog = 5e-6,
-                                              .march = {BOUNDS, 1e-4, 1e-3, 3}};
+                                              .march = {BOUNDS, 1e-4, 1e-3 * unit, 3}};
     scene->width = width;
     scene->height = height;
     place(scene, random_from(10, 40), scene->view.position);
     place(scene, random_from(10, 80), scene->view.light_position);
-    double at[3] = {random_from(-5, 5), random_from(-5, 5), random_from(-5, 5)};
+    double at[3];
+    for (int k = 0; k < 3; k++)
+        at[k] = away[k] + unit * random_from(-5, 5);
     aim(scene, at);
     scene->view.tan_half_fov = random_from(0.2, 1);
     for (int k = 0; k < 3; k++)
@@ -181,6 +188,19 @@ static inline void farthest_point(const struct random_scene *scene, int i, const
     }
     for (int k = 0; k < 3; k++)
         p[k] = s->centre[k] + s->row[0][k] * at[0] + s->row[1][k] * at[1] + s->row[2][k] * at[2];
+}
+
+// A direction in which a plane may touch solid j and, on its other side, the ball of light.
+static inline void between(const struct random_scene *scene, int j, double q, double m[3]) {
+    double to[3];
+    span_along(scene->view.light_position, scene->shape[j].centre, -1, to);
+    double far = sqrt(dot3(to, to)),
+           sine = fmin(q * random_from(1, 1.5) + scene->shape[j].bound / far, 1);
+    direction_from(m);
+    span_along(m, to, -dot3(m, to) / (far * far), m);
+    normalize3(m);
+    for (int k = 0; k < 3; k++)
+        m[k] = sqrt(1 - sine * sine) * m[k] + sine * to[k] / far;
 }
 
 static inline void point_of(const struct random_scene *scene, int i, double p[3]) {

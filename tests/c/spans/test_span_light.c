@@ -65,19 +65,6 @@ static bool darkened_point(const struct random_scene *scene, int i, const double
     return darkens(scene, p, z, q);
 }
 
-// A direction in which a plane may touch solid j and, on its other side, the ball of light.
-static void between(const struct random_scene *scene, int j, double q, double m[3]) {
-    double to[3];
-    span_along(scene->view.light_position, scene->shape[j].centre, -1, to);
-    double far = sqrt(dot3(to, to)),
-           sine = fmin(q * random_from(1, 1.5) + scene->shape[j].bound / far, 1);
-    direction_from(m);
-    span_along(m, to, -dot3(m, to) / (far * far), m);
-    normalize3(m);
-    for (int k = 0; k < 3; k++)
-        m[k] = sqrt(1 - sine * sine) * m[k] + sine * to[k] / far;
-}
-
 TEST(test_darkened_points) {
     int seen = 0, tight = 0;
     for (int n = 0; n < SCENES; n++) {
@@ -140,37 +127,6 @@ TEST(test_pairs) {
     assert_true(found > SCENES * POINTS / 50 && clear > SCENES * POINTS / 50);
 }
 
-// Spheres, which are their own balls, at the edge of each other's cone.
-TEST(test_pairs_at_the_edge) {
-    enum { I = PLANES, J = PLANES + 4 };
-    int found = 0;
-    for (int n = 0; n < 20 * SCENES; n++) {
-        struct random_scene scene;
-        set_scene(&scene, COLUMNS, LINES);
-        double q = 1 / scene.known.model.shadow_strength, m[3], z[3], from[3], d[3], p[3];
-        struct primitive *s = &scene.shape[I];
-        s->type = SHAPE_SPHERE;
-        set_size(s, 1);
-        assert_true(scene.shape[J].type == SHAPE_SPHERE);
-        between(&scene, J, q, m);
-        farthest_point(&scene, J, m, z);
-        // The plane of normal m touches sphere J and the ball of light: `far` from the light its points are just darkened.
-        double far = (dot3(m, scene.view.light_position) - dot3(m, z)) / q;
-        span_along(scene.view.light_position, m, -q * far, from);
-        span_along(z, from, -1, d);
-        span_along(z, d, random_from(0, 1), p);
-        span_along(p, m, s->a * random_from(0.9, 1), s->centre);
-        span_along(s->centre, m, -s->a, p); // its point that is darkened first
-        if (dot3(p, p) > 0.5 * BOUNDS * BOUNDS || !is_clear(&scene, scene.view.position) ||
-            !darkens(&scene, p, z, q))
-            continue;
-        set_frame(&scene);
-        assert_true(frame.pair[I] >> J & 1);
-        found++;
-    }
-    assert_true(found > SCENES);
-}
-
 TEST(test_mirrored_solids) {
     int seen = 0, cleared = 0;
     for (int n = 0; n < SCENES; n++) {
@@ -199,34 +155,6 @@ TEST(test_mirrored_solids) {
         }
     }
     assert_true(seen > SCENES * POINTS / 50 && cleared > seen * SOLIDS / 4);
-}
-
-TEST(test_guards) {
-    int cleared = 0, all = 0;
-    for (int n = 0; n < SCENES; n++) {
-        struct random_scene scene;
-        set_scene(&scene, COLUMNS, LINES);
-        set_frame(&scene);
-        for (int k = 0; k < POINTS; k++) {
-            int i = PLANES + k % SOLIDS, j = PLANES + (k / SOLIDS + 1 + k) % SOLIDS;
-            double o[3], z[3], d[3], other[3];
-            if (i == j || !(scene.shape[i].share > 0))
-                continue;
-            point_of(&scene, i, o);
-            point_of(&scene, j, z);
-            span_along(z, o, -1, d);
-            direction_from(other);
-            for (int g = 0; g < SPAN_GUARDS; g++) {
-                const float *at = frame.guard[i][g];
-                double n3[3] = {at[0], at[1], at[2]};
-                bool on = dot3(n3, o) >= frame.guard_top[i][g];
-                assert_false(on && dot3(n3, d) >= 0);
-                cleared += on && dot3(n3, other) >= 0;
-            }
-            all++;
-        }
-    }
-    assert_true(cleared > all / 10);
 }
 
 enum { LIGHT, AMBIENT, FACING, PARTS };
@@ -267,62 +195,107 @@ static double through_nodes(const double nodes[6], double u) {
     return p[0];
 }
 
+#define MOST 1e-6
+
+// The colours of a row between the nodes that its spacing allows, against those of their polynomials. Returns the spacing.
+static int hold_row(const struct random_scene *scene, int i, int y, int x0, int x1) {
+    double per = scene->view.tan_half_fov / 720, up = (719 - 2 * y) * per;
+    int spacing = fused_spacing(&frame, i, y, 1, x0, x1, MOST);
+    assert_true(spacing == 64 || spacing == 32 || spacing == 16 || spacing == 0);
+    for (int left = spacing ? x0 - x0 % spacing : x1; left < x1; left += spacing) {
+        double nodes[PARTS][6], part[PARTS];
+        for (int k = 0; k < 6; k++) {
+            parts_at(scene, i, (2 * (left + (k - 2) * spacing) + 1 - 1280) * per, up, part);
+            for (int c = 0; c < PARTS; c++)
+                nodes[c][k] = part[c];
+        }
+        for (int x = left; x < left + spacing; x += 3) {
+            parts_at(scene, i, (2 * x + 1 - 1280) * per, up, part);
+            double exact = color_of(scene, part);
+            for (int c = 0; c < PARTS; c++)
+                part[c] = through_nodes(nodes[c], 2 + (double)(x - left) / spacing);
+            double error = fabs(color_of(scene, part) - exact);
+            assert_true(error <= MOST);
+        }
+    }
+    return spacing;
+}
+
+// A row of a picture, and the middle of what it shows of a plane: p, seen along d.
+struct plane_row {
+    int plane, y, x0, x1;
+    double d[3], p[3];
+};
+
+// Sets a random scene and a row of it. Returns false if the row's middle does not see the plane.
+static bool set_row(struct random_scene *scene, int n, struct plane_row *row) {
+    set_scene(scene, 1280, 720);
+    row->plane = n % PLANES;
+    row->y = (int)random_from(0, 719);
+    row->x0 = 16 * (int)random_from(0, 70);
+    row->x1 = row->x0 + 16 * (int)random_from(1, 20);
+    const struct primitive *plane = &scene->shape[row->plane];
+    double ahead[3]; // a level camera: a rolled one has few rows of polynomials
+    span_along(scene->view.position, scene->view.forward, 1, ahead);
+    if (n % 8 && view_aim(&scene->view, ahead, plane->row[0]) != AIM_OK)
+        return false;
+    double per = scene->view.tan_half_fov / 720, up = (719 - 2 * row->y) * per;
+    double middle = ((row->x0 + row->x1) - 1280) * per;
+    for (int k = 0; k < 3; k++)
+        row->d[k] = scene->view.forward[k] + middle * scene->view.right[k] + up * scene->view.up[k];
+    double down = dot3(row->d, plane->row[0]);
+    span_along(scene->view.position, row->d, -height_of(plane, scene->view.position) / down,
+               row->p);
+    return down < 0;
+}
+
 TEST(test_polynomials) {
     static const double shine[4] = {15, 8, 2.5, 60};
     int some = 0, rows = 0;
-    double most = 1e-6;
     for (int n = 0; n < ROWS; n++) {
         struct random_scene scene;
-        set_scene(&scene, 1280, 720);
-        int i = n % PLANES, y = (int)random_from(0, 719), x0 = 16 * (int)random_from(0, 70);
-        int x1 = x0 + 16 * (int)random_from(1, 20);
-        scene.shape[i].shininess = (float)shine[n / PLANES % 4];
-        double ahead[3]; // a level camera: a rolled one has few rows of polynomials
-        span_along(scene.view.position, scene.view.forward, 1, ahead);
-        if (n % 8 && view_aim(&scene.view, ahead, scene.shape[i].row[0]) != AIM_OK)
+        struct plane_row row;
+        if (!set_row(&scene, n, &row))
             continue;
-        double per = scene.view.tan_half_fov / 720, up = (719 - 2 * y) * per;
-        double middle = ((x0 + x1) - 1280) * per, d[3];
-        for (int k = 0; k < 3; k++)
-            d[k] = scene.view.forward[k] + middle * scene.view.right[k] + up * scene.view.up[k];
-        if (!(dot3(d, scene.shape[i].row[0]) < 0))
-            continue;
-        if (n % 3 == 0) { // a lamp just above what the row shows
-            double far =
-                -height_of(&scene.shape[i], scene.view.position) / dot3(d, scene.shape[i].row[0]);
-            double *lamp = scene.view.light_position;
-            span_along(scene.view.position, d, far, lamp);
-            for (int k = 0; k < 3; k++)
-                lamp[k] += random_from(-2, 2) + random_from(1, 4) * scene.shape[i].row[0][k];
-            scene.known.model.fog = 0;
-        }
-        if (n % 3 == 1)
-            scene.known.model.fog = pow(10, random_from(-6, -3));
-        if (height_of(&scene.shape[i], scene.view.light_position) < 0.3)
+        struct primitive *plane = &scene.shape[row.plane];
+        double *lamp = scene.view.light_position;
+        plane->shininess = (float)shine[n / PLANES % 4];
+        for (int k = 0; k < 3 && n % 3 == 0; k++) // just above what the row shows
+            lamp[k] = row.p[k] + random_from(-2, 2) + random_from(1, 4) * plane->row[0][k];
+        scene.known.model.fog = n % 3 == 0 ? 0 : pow(10, random_from(-6, -3));
+        if (height_of(plane, lamp) < 0.3)
             continue;
         set_frame(&scene);
+        some += hold_row(&scene, row.plane, row.y, row.x0, row.x1) != 0;
         rows++;
-        int spacing = fused_spacing(&frame, i, y, 1, x0, x1, most);
-        assert_true(spacing == 64 || spacing == 32 || spacing == 16 || spacing == 0);
-        some += spacing != 0;
-        for (int left = spacing ? x0 - x0 % spacing : x1; left < x1; left += spacing) {
-            double nodes[PARTS][6], part[PARTS];
-            for (int k = 0; k < 6; k++) {
-                parts_at(&scene, i, (2 * (left + (k - 2) * spacing) + 1 - 1280) * per, up, part);
-                for (int c = 0; c < PARTS; c++)
-                    nodes[c][k] = part[c];
-            }
-            for (int x = left; x < left + spacing; x += 3) {
-                parts_at(&scene, i, (2 * x + 1 - 1280) * per, up, part);
-                double exact = color_of(&scene, part);
-                for (int c = 0; c < PARTS; c++)
-                    part[c] = through_nodes(nodes[c], 2 + (double)(x - left) / spacing);
-                double error = fabs(color_of(&scene, part) - exact);
-                assert_true(error <= most);
-            }
-        }
     }
     assert_true(some > rows / 5);
+}
+
+// A highlight of low or broken power, which ends in the row: its cosine is 0 there.
+TEST(test_highlights_that_end) {
+    static const double shine[4] = {1.5, 2, 2.5, 3};
+    int rows = 0;
+    for (int n = 0; n < ROWS; n++) {
+        struct random_scene scene;
+        struct plane_row row;
+        double mirrored[3], to[3];
+        if (!set_row(&scene, n, &row))
+            continue;
+        struct primitive *plane = &scene.shape[row.plane];
+        plane->shininess = (float)shine[n / PLANES % 4];
+        span_along(row.d, plane->row[0], -2 * dot3(row.d, plane->row[0]), mirrored);
+        direction_from(to);
+        span_along(to, mirrored, -dot3(to, mirrored) / dot3(mirrored, mirrored), to);
+        span_along(row.p, to, random_from(10, 40), scene.view.light_position);
+        scene.known.model.fog = 0;
+        if (height_of(plane, scene.view.light_position) < 3)
+            continue;
+        set_frame(&scene);
+        hold_row(&scene, row.plane, row.y, row.x0, row.x1);
+        rows++;
+    }
+    assert_true(rows > ROWS / 20);
 }
 
 RUN_TESTS(NULL, NULL)

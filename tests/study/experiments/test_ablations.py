@@ -18,7 +18,7 @@ from study.core.build import build, build_together
 from study.core.cli import StudyError
 from study.core.registry import Spec
 from study.counting import flops
-from study.experiments.ablations import command, ideas
+from study.experiments.ablations import command, counted, ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation
 from study.experiments.ablations.schema import Ablations, Ideas, Row
@@ -226,6 +226,37 @@ def test_the_table(tmp_path):
     assert low <= value <= high and value == pytest.approx(row.ms.ends[0] / row.against_ms.ends[0])
     assert row.verdict in ("identical", "within")
     assert found.failures == found.skipped == [] and found.launches == 10
+
+
+COUNTS = "opt12_fused+span_clock"
+
+
+def test_counts_are_shares_and_core_cycles_of_all_pixels(tmp_path, monkeypatch):
+    """Two frames of 100 pixels: a core cycle is half a tick, and the frame has 4 a pixel that no line has."""
+
+    def render(name, path, height, width, *, told, **how):
+        Path(told["STEPWISE_COUNTS"]).write_text("50 1000 sky\n150 2000 plane, dark\n")
+        frame = {"warmup": False, "core_cycles": 19.0 * width * height, "tsc_cycles": 38.0 * width * height}
+        return {"frames": [frame | {"warmup": True, "core_cycles": 1e9}, frame, frame]}
+
+    monkeypatch.setattr(run, "render", render)
+    monkeypatch.setattr(counted, "HEIGHT", 9)
+    rows = counted.measure([COUNTS], launches=6, seed=1, cpu=0)
+    assert [(row.name, row.share, row.cycles.value) for row in rows] == [
+        ("sky", 0.25, 2.5),
+        ("plane, dark", 0.75, 5.0),
+        (counted.REST, 0.0, 11.5),
+    ]
+    run_folder = tmp_path / "zen9"
+    run_folder.mkdir()
+    result = Ideas(schema=1, rows=[], skipped=[], failures=[], counted=rows)
+    (run_folder / "ideas.json").write_text(json.dumps(cli.plain(result)))
+    text = f"before\n{counted.BEGIN}\n| old |\n| --- |\n\nafter\n"
+    made = counted.lesson("opt12_fused", text, run_folder)
+    assert made.startswith(f"before\n{counted.BEGIN}\n| class of span") and made.endswith(" |\n\nafter\n")
+    assert "old" not in made and "| sky | 25.0 % | 10 |" in made
+    assert counted.lesson("opt12_fused", made, run_folder) == made
+    assert counted.lesson("opt11_ideal", text, run_folder) == text
 
 
 def test_ideas_have_a_file_of_their_own(tmp_path):

@@ -13,7 +13,7 @@ from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments import running
-from study.experiments.ablations import chapter, ideas
+from study.experiments.ablations import chapter, counted, ideas
 from study.experiments.ablations import measure as ablations
 from study.experiments.ablations.measure import Ablation, Case
 from study.experiments.ablations.schema import SCHEMAS, Reason, Row
@@ -134,6 +134,9 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, kind.file)
     rows = study.measure()
     about = {"reference": registry.BASE, "n": args.n, **running.about(args)}
+    if args.ideas:
+        names = [name for phase in dict.fromkeys(row.against for row in rows) for name in counted.of(phase)]
+        about["counted"] = counted.measure(names, args.launches, args.seed, args.cpu)
     result = SCHEMAS[kind.file](**about, rows=rows, skipped=study.skipped, failures=study.failures)
     store.write_json(folder / kind.file, cli.plain(result))
     lines = [show.markdown(show.table(rows, kind.columns)) if rows else "nothing was measured"]

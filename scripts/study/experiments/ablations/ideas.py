@@ -14,6 +14,7 @@ from pathlib import Path
 from study.core import generated_scenes, patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
+from study.experiments.ablations import counted
 from study.experiments.ablations.schema import IDEAS_FILE as FILE
 from study.experiments.ablations.schema import Ideas, Row
 
@@ -137,5 +138,6 @@ def filled(text: str, phase: str, run: Path | None) -> str:
 
 
 def lesson(phase: str, text: str) -> str | None:
-    """`filled` from the newest published run; None for a phase without ideas."""
-    return filled(text, phase, published(phase)) if of(phase) else None
+    """`filled` from the newest published run, and what patches count; None for a phase without ideas."""
+    run = published(phase)
+    return counted.lesson(phase, filled(text, phase, run), run) if of(phase) else None

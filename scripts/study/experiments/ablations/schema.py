@@ -39,6 +39,18 @@ class Row(Record, kw_only=True):
     error: Annotated[str | None, key("", "the error that the patch declares; null: none")] = None
 
 
+class Counted(Record, kw_only=True):
+    """One line of what a patch counts (`counts` in its head), of frames on one thread."""
+
+    ablation: Annotated[str, key("", "phase+patch")]
+    scene: Annotated[str, key("", "its name")]
+    height: Annotated[int, key("pixels", "of the picture")]
+    counts: Annotated[str, key("", "what the lines are, from the head")]
+    name: Annotated[str, key("", "of the line")]
+    share: Annotated[float, key("share of pixels", "that are of this line")]
+    cycles: Annotated[Interval, key("core cycles", "over all pixels of the picture")]
+
+
 class Reason(Record, kw_only=True):
     """A patch that was not measured."""
 
@@ -64,6 +76,7 @@ class Ideas(Ablations, kw_only=True):
     """Each idea taken out of its phase, on the scenes that its patch names."""
 
     made_by: ClassVar[str] = "ablations --ideas"
+    counted: Annotated[list[Counted], key("", "what patches count")] = []
 
 
 FILE, IDEAS_FILE = "ablations.json", "ideas.json"
