@@ -40,7 +40,9 @@ static void set_mirror(int mirror, struct fused *f) {
 static bool fused_begin(const struct job *job) {
     const struct view *view = job->view;
     struct fused *f = job->frame_memory;
-    *f = (struct fused){.stream = !job->frame->shown && past_caches(job->frame)};
+    f->stream = !job->frame->shown && past_caches(job->frame);
+    f->any_low = false;
+    memset(f->crevice, 0, sizeof f->crevice);
     if (!fused_frame_set(&scene_known, view, job->frame->width, job->frame->height, LANES,
                          &f->frame))
         return false;

@@ -190,31 +190,30 @@ static double top_of_others(const struct fused_frame *frame, int i, const double
     return top;
 }
 
-// Which of some mirror rays of a ball, spread over what the eye sees of it, a guard clears.
-static uint64_t cleared_rays(const struct fused_frame *frame, const struct primitive *s,
-                             const struct span_source *eye, const double n[3], double top) {
-    uint64_t cleared = 0;
-    for (int k = 0; k < 3 * TANGENTS; k++) {
-        double sine = 0.4 + 0.25 * (k / TANGENTS), cosine = sqrt(1 - sine * sine), m[3], o[3], d[3];
+enum { MIRRORED = 3 * TANGENTS };
+
+// Sets some mirror rays of a ball, spread over what the eye sees of it.
+static void set_mirrored(const struct fused_frame *frame, const struct primitive *s,
+                         double o[MIRRORED][3], double d[MIRRORED][3]) {
+    double at[3], m[3];
+    span_along(frame->eye, s->centre, -1, at);
+    struct span_source eye = source_at(at, 0);
+    for (int k = 0; k < MIRRORED; k++) {
+        double sine = 0.4 + 0.25 * (k / TANGENTS), cosine = sqrt(1 - sine * sine);
         for (int a = 0; a < 3; a++)
-            m[a] = -cosine * eye->axis[a] +
-                   sine * (span_turn(k) * eye->side[a] + span_turn(k + 12) * eye->up[a]);
-        span_along(s->centre, m, s->bound, o);
-        span_along(o, frame->eye, -1, d);
-        span_along(d, m, -2 * span_dot(d, m), d);
-        cleared |= (uint64_t)(span_dot(n, o) >= top && span_dot(n, d) >= 0) << k;
+            m[a] = -cosine * eye.axis[a] +
+                   sine * (span_turn(k) * eye.side[a] + span_turn(k + 12) * eye.up[a]);
+        span_along(s->centre, m, s->bound, o[k]);
+        span_along(o[k], frame->eye, -1, d[k]);
+        span_along(d[k], m, -2 * span_dot(d[k], m), d[k]);
     }
-    return cleared;
 }
 
 // Sets the guards of mirror i: of the axes and the planes' normals those that clear most rays.
 static void set_guards(struct fused_frame *frame, int i) {
-    const struct primitive *mirror = &frame->shape[i];
-    uint64_t done = 0;
-    double at[3], top[6 + SPAN_SHAPES], n[6 + SPAN_SHAPES][3] = {{0}};
-    uint64_t cleared[6 + SPAN_SHAPES];
-    span_along(frame->eye, mirror->centre, -1, at);
-    struct span_source eye = source_at(at, 0);
+    uint64_t done = 0, cleared[6 + SPAN_SHAPES];
+    double top[6 + SPAN_SHAPES], n[6 + SPAN_SHAPES][3] = {{0}}, o[MIRRORED][3], d[MIRRORED][3];
+    set_mirrored(frame, &frame->shape[i], o, d);
     for (int k = 0; k < 6 + frame->shapes; k++) {
         cleared[k] = 0;
         if (k < 6)
@@ -224,7 +223,9 @@ static void set_guards(struct fused_frame *frame, int i) {
         else
             continue;
         top[k] = top_of_others(frame, i, n[k]);
-        cleared[k] = cleared_rays(frame, mirror, &eye, n[k], top[k]);
+        for (int r = 0; r < MIRRORED; r++)
+            cleared[k] |= (uint64_t)(span_dot(n[k], o[r]) >= top[k] && span_dot(n[k], d[r]) >= 0)
+                          << r;
     }
     for (int g = 0; g < SPAN_GUARDS; g++) {
         int best = 0;
