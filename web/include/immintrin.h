@@ -1,6 +1,12 @@
 // AVX2 for WebAssembly's 128-bit SIMD, by SIMDe (common/simd/x86), but for what is slow or wrong there.
 #pragma once
 
+#define SIMDE_ENABLE_NATIVE_ALIASES
+#include <simde/simde-common.h>
+// SIMDe's loops over lanes, unrolled: else LLVM 14 writes each lane to memory, and reads the whole vector back.
+#undef SIMDE_VECTORIZE
+#define SIMDE_VECTORIZE _Pragma("clang loop unroll(full)")
+
 #include "../../common/simd/x86/immintrin.h"
 #include <wasm_simd128.h>
 
