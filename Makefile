@@ -62,7 +62,7 @@ web: ## one page that draws by the phases in a browser, from disk and offline: r
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/stepwise report $(ARGS)
 
-report-pdf: setup ## the newest run as a paper of some eight pages (report/out/report.pdf); installs typst into build/pdf
+report-pdf: setup ## the newest run as a paper of some ten pages (report/out/report.pdf); installs typst into build/pdf
 	@$(PY) scripts/stepwise report-pdf $(ARGS)
 
 artifact: setup ## build/stepwise-artifact.zip: the last commit for its evaluation, with a SHA-256 of each file (docs/artifact.md)

@@ -32,11 +32,15 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
     figures.draw(found, folder, reuse=bool(running))
     drawn = {one.id: figures.figures(one, folder) for one in found}
     images = {one.id: figures.copied(one.images, folder) for one in found}
+    empty = [
+        one for one in found if one.lacking and not (one.answer or one.parts or one.html or images[one.id])
+    ]
     told = {
         "run": "/".join(data.path.resolve().parts[-2:]),
         "data": data,
         "running": list(running),
-        "questions": questions,
+        "questions": {text: [one for one in some if one not in empty] for text, some in questions.items()},
+        "empty": empty,
         "fastest": [group.loc[group.ms.idxmin()].to_dict() for group in ladders.values()],
         "base_ms": {s: of[of.phase == ladder.BASE].ms.to_list() for s, of in ladders.items()},
         "show": show,
@@ -53,15 +57,13 @@ def page(data: Data, out: Path, height: int | None = None, running: Sequence[str
         "phases": chapters.described(data),
         "methods": stats.methods(),
         "viewer": next((one.html for one in found if one.id == "pictures"), ""),
-        "left_out": "",
     }
     told["vega"] = charts.scripts() if told["chart"] or any(one.chart for one in found) else ""
     template = environment.get_template("index.html.j2")
     text = template.render(told)
     excess = len(text.encode()) - figures.MOST
     if excess > 0:
-        room = 1_000  # for the sentence
-        told["left_out"] = figures.fewer([drawn[one.id] + images[one.id] for one in found], excess + room)
+        figures.fewer([drawn[one.id] + images[one.id] for one in found], excess)
         text = template.render(told)
     return text
 

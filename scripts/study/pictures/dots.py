@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from study.numbers.schema import Interval
-from study.pictures.draw import BAD, plain_log
+from study.pictures.draw import BAD, ON_PAPER, plain_log
 
 FINE, LESS, QUIET = "#0072B2", BAD, "#8C8C8C"
+LONG = 20  # characters of a label that leaves no room for two panels on paper
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,15 @@ def of(found: Interval, panel: str, label: str, text: str = "", even: bool = Fal
 
 
 def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns: int = 2) -> Figure:
-    """On a logarithmic axis. `even`: with a line at 1. Values that are not above 0 are left out."""
+    """On a logarithmic axis. `even`: with a line at 1. Values that are not above 0 are left out. On paper
+    panels with long labels stand below each other."""
     rows = [row for row in rows if row.value > 0]
     names = list(dict.fromkeys(row.panel for row in rows))
     most = max(sum(row.panel == name for row in rows) for name in names)
-    columns = min(columns, len(names))
-    lines = math.ceil(len(names) / columns)
-    figure = Figure(figsize=(max(8, 5.6 * columns), lines * (0.27 * most + 1.0) + 0.7), layout="constrained")
+    below = ON_PAPER.get() and any(len(row.label) > LONG for row in rows)
+    columns = 1 if below else min(columns, len(names))
+    lines, high = math.ceil(len(names) / columns), 0.2 if below else 0.27  # inches of a row
+    figure = Figure(figsize=(max(8, 5.6 * columns), lines * (high * most + 1.0) + 0.7), layout="constrained")
     figure.suptitle("\n".join(textwrap.wrap(title, 62 * columns)), x=0.01, ha="left", fontsize=12)
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True)
     for axes in grid.flat[len(names) :]:

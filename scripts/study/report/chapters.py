@@ -144,7 +144,7 @@ def phases(data: Data) -> Section:
     if found:
         last = f", from {found[0]['name']} to {found[-1]['name']}" if len(found) > 1 else ""
         answer = f"The run has {len(found)} phase{'s' * (len(found) > 1)}{last}; each has a lesson."
-    return Section("phases", "The phases", "make sweep", [], answer=answer)
+    return Section("phases", "The phases", "", [], answer=answer)
 
 
 def ran(data: Data) -> Section:
@@ -152,7 +152,7 @@ def ran(data: Data) -> Section:
     known = dict(facts.machine(data))
     said = [known[label] for label in ("CPU", "compiler", "measured frames") if label in known]
     answer = f"{'; '.join(said)}." if said else ""
-    return Section("machine", "Machine, noise, commands", "make study", [], answer=answer)
+    return Section("machine", "Machine, noise, commands", "", [], answer=answer)
 
 
 def asked(data: Data, rows: pd.DataFrame) -> dict[str, list[Section]]:

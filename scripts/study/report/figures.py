@@ -13,6 +13,7 @@ from study.pictures.processes import in_processes
 
 Shown = dict[str, str]  # name, caption, and uri where the page has room for it
 MOST = 6_000_000  # bytes of a page
+ROOM = 200  # of the line that stands for a picture
 
 
 def content(section: Section) -> str:
@@ -53,17 +54,14 @@ def figures(section: Section, folder: Path) -> list[Shown]:
     ]
 
 
-def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> str:
+def fewer(chapters: Iterable[Sequence[Shown]], excess: int) -> None:
     """Leaves out pictures until the page has `excess` bytes less: first the largest of those that are behind
-    a summary, then the largest of the others. A sentence on them."""
+    a summary, then the largest of the others. A line stands in the place of each."""
     shown = [(place == 0, -len(one["uri"]), one) for items in chapters for place, one in enumerate(items)]
-    names = []
     for _, length, one in sorted(shown, key=lambda each: each[:2]):
         if excess > 0:
-            excess += length
-            names.append(one["name"])
+            excess += length + ROOM
             del one["uri"]
-    return f"Left out, for the page is to stay below {MOST / 1e6:g} MB: {', '.join(names)} (in figures/)."
 
 
 def copied(wanted: Mapping[Path, str], folder: Path) -> list[Shown]:

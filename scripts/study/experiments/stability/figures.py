@@ -6,6 +6,7 @@ from matplotlib.patches import Patch
 
 from study.experiments.stability.cases import curves, measure
 from study.experiments.stability.schema import Stability
+from study.pictures.draw import ON_PAPER
 
 CAPTION = "How far each phase gets in each hard case before it first fails"
 COLOURS = ("#7a0c05", "#d9694f", "#f6d5c3")  # fails at the first strength … at the last
@@ -13,13 +14,14 @@ RIGHT, REFUSES = "#bfe3d6", "#dddddd"
 
 
 def draw(data: Stability) -> Figure:
-    """A line a case, a column a phase: the first strength that fails, darker the easier it is."""
+    """A line a case, a column a phase: the first strength that fails, darker the easier it is. Paper has no
+    room for its number."""
     names = [phase.name for phase in data.phases]
-    width = max(8.0, 3.6 + 0.72 * len(names))  # the titles of the cases take half of the least
-    figure = Figure(figsize=(width, 0.235 * len(data.cases) + 1.9), layout="constrained")
-    figure.suptitle(
-        "The first strength of each hard case at which a phase fails", x=0.01, ha="left", fontsize=12
-    )
+    paper = ON_PAPER.get()
+    width = 8.0 if paper else max(8.0, 3.6 + 0.72 * len(names))  # titles of the cases take half of the least
+    figure = Figure(figsize=(width, (0.2 if paper else 0.235) * len(data.cases) + 1.9), layout="constrained")
+    title = "The first strength of each hard case at which a phase fails"
+    figure.suptitle("" if paper else title, x=0.01, ha="left", fontsize=12)
     axes = figure.subplots()
     fading = LinearSegmentedColormap.from_list("failures", COLOURS)
     found = {(row.number, row.phase): row for row in data.results}
@@ -29,7 +31,7 @@ def draw(data: Stability) -> Figure:
             share = row.place / len(row.strengths)
             colour = REFUSES if row.refused else RIGHT if share == 1 else fading(share)
             axes.barh(line, 0.94, 0.9, column - 0.47, color=colour)
-            if row.first_failure is not None and not row.refused:
+            if row.first_failure is not None and not row.refused and not paper:
                 ink = "white" if share < 0.4 else "black"
                 text = curves.number(row.first_failure)
                 axes.text(column, line, text, fontsize=7, ha="center", va="center", color=ink)
@@ -45,7 +47,8 @@ def draw(data: Stability) -> Figure:
         ("refuses", REFUSES),
     )
     marks = [Patch(color=colour, label=text) for text, colour in kinds]
-    figure.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=8.5)
+    place = {"loc": "outside upper center", "ncols": len(marks)} if paper else {"loc": "outside right upper"}
+    figure.legend(handles=marks, frameon=False, fontsize=8.5, **place)
     return figure
 
 
