@@ -1,5 +1,7 @@
-"""Frames a second along a camera's path, and the throttle of rod marching. The tables of throttle.json stand
-in the chapter of systems."""
+"""Frames a second along a camera's path, and the throttle of rod marching.
+
+The tables of throttle.json stand in the chapter of systems.
+"""
 
 from study.experiments.experiment import Experiment
 from study.experiments.flight import command, tables
