@@ -83,8 +83,9 @@ def parser_for(name: str, body: Any) -> argparse.ArgumentParser:
     made = cli.parser(text, getattr(body, "STATUSES", None))
     made.prog = f"stepwise {name}"
     body.options(made)
-    if scene := made._option_string_actions.get("--scene"):
-        scene.type = registry.given
+    for action in made._actions:
+        if action.dest in ("scene", "left_scene"):
+            action.type = registry.given
     return made
 
 

@@ -39,6 +39,8 @@ def test_every_command_with_scenes_takes_a_path(name: str, tmp_path: Path) -> No
     found = PARSERS[name].parse_args(words).scene
     assert found in ("mine", ["mine"]) and registry.find_scene("mine").path == tmp_path / "mine.json"
     assert registry.find_animated("mine").data == registry.find_scene("two_spheres").data
+    for option in {"--left-scene"} & PARSERS[name]._option_string_actions.keys():
+        assert PARSERS[name].parse_args([option, *words[-1:]]).left_scene == ["mine"]
 
 
 def test_a_sweep_keeps_its_scene_and_goes_on_without_the_file(

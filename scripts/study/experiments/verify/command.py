@@ -137,12 +137,14 @@ def measure(args: argparse.Namespace) -> Outcome:
         width, height = scene.size(args.antialias_n)
         large = (width * FACTOR, height * FACTOR) if scene.fractal else None
         sizes[scene.name] = scene.size(args.n, args.w), large
-    few = args.left_scene or sizes
+    few = [registry.find_scene(name).name for name in args.left_scene or sizes]
     drawn = [
         (who, scene)
         for scene, who in product(scenes, using)
         if scene.name in few or not gate.left_to_truth(registry.find_phase(who.phase))
     ]
+    if able and not any(who in able and who not in extra for who, _ in drawn):
+        raise StudyError(f"{TRUTH} judges all of --phase, and --left-scene names no scene of theirs")
     tasks = [(who, scene, size) for who, scene in drawn for size in sizes[scene.name] if size]
     refused = gallery.render_all(tasks, args.jobs)
 

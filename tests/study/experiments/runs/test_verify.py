@@ -270,6 +270,8 @@ def test_who_declares_more_or_nothing_is_judged_here(step, command, tolerance, o
         (["--phase", "opt11"], "opt1"),
         (["--scene", "scene00"], "scene0"),
         (["--reference", "none"], "none"),
+        (["--left-scene", "trio00"], "trio"),
+        (["--phase", "opt9_convex", "--scene", "scene0", "--left-scene", "trio"], "--left-scene"),
     ],
 )
 def test_bad_names_are_said_with_what_would_be_right(words, message):
