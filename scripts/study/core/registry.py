@@ -267,7 +267,7 @@ def given(text: str) -> str:
     its file known by its stem. Raises StudyError."""
     if "/" not in text and not text.endswith(".json"):
         return text
-    scene = scene_at(Path(text))
+    scene = scene_at(Path(text).absolute())  # programs are started in other folders too
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,59}", scene.name):
         raise StudyError(f"{text}: its name goes into tables and files: a-z, 0-9, _, - and . are allowed")
     if lacking := [key for key in scene_json.KEYS if key not in scene.data]:

@@ -43,6 +43,17 @@ def test_every_command_with_scenes_takes_a_path(name: str, tmp_path: Path) -> No
         assert PARSERS[name].parse_args([option, *words[-1:]]).left_scene == ["mine"]
 
 
+def test_a_relative_path_is_of_the_folder_that_the_command_was_called_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "mine.json")
+    monkeypatch.chdir(tmp_path)
+    registry.given("mine.json")
+    monkeypatch.chdir("/")
+    assert registry.find_scene("mine").path == path
+    assert render("opt1", registry.find_scene("mine").path, 2, timed=False)["height"] == 2
+
+
 def test_a_sweep_keeps_its_scene_and_goes_on_without_the_file(
     stepwise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
