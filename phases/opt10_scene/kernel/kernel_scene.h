@@ -13,6 +13,7 @@
 #define HAS_BVH(scene) false
 // Nor have scenes with groups.
 #define IS_GROUP(s) false
+#define HAS_BALLS(s) false
 #define INLINE __attribute__((__always_inline__)) static inline
 #define KERNEL_SHARED static
 #define KERNEL_INLINE INLINE

@@ -43,13 +43,15 @@ static inline struct beam beam_of(struct vec o, struct vec d, vmask active, vflo
 // Returns which of the spheres i to i + LANES − 1, `more` larger, a cone of slope q about a ray of the beam may meet.
 static inline unsigned spheres_in_beam(const struct sphere_array *s, int i, const struct beam *b,
                                        float q, float more) {
-    vfloat upright = v_splat(q / sqrtf(1 - q * q));
     vfloat reach = v_madd(v_splat(1.5f), b->wide, v_splat(more));
     struct vec v =
         vec_sub((struct vec){v_load(s->x + i), v_load(s->y + i), v_load(s->z + i)}, b->o);
     vfloat along = vec_dot(v, b->d);
     vfloat square = v_max(v_nmadd(along, along, vec_dot(v, v)), v_splat(0.0f));
-    vfloat t = v_min(v_max(v_madd(v_sqrt(square), upright, along), b->near), b->far);
+    vfloat t = along; // where a cone is nearest to the centre, it is upright on its side
+    if (q > 0)
+        t = v_madd(v_sqrt(square), v_splat(q / sqrtf(1 - q * q)), along);
+    t = v_min(v_max(t, b->near), b->far);
     vfloat room = v_load(s->radius + i) + v_madd(v_splat(q), t, reach);
     vmask in = v_cmp_lt(v_madd(t - along, t - along, square), room * room);
     return v_mask_bits(v_and(in, v_mask_first(s->count - i < LANES ? s->count - i : LANES)));

@@ -15,6 +15,7 @@ struct field {
     float centre[3]; // of its sphere, in its frame; of a repeated group 0
     float radius;    // of its sphere
     float least;     // a field below this is 0: rounding
+    float floor;     // steps along a shadow ray are no shorter
     float share;     // outside of its sphere it is no less than this share of the way there
     float bend;      // its field bends down by no more than this along a ray; 0: not known
     // Balls that hold the children's parts of the surface, of a union whose children have such; levels 0: the group is
@@ -24,6 +25,7 @@ struct field {
     float *sphere;          // of each ball: its child's radius if that is a sphere, else 0
     int *first;             // step of each child; the last + 1: of the fold
     float blend, per_blend; // of a union that has spheres alone; else 0
+    float grain;            // the least of its spheres' radii and the blend
 };
 
 struct field_set;

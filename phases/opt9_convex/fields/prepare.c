@@ -105,6 +105,9 @@ static void set_balls(struct field *f, const struct model *model, int root_index
     bvh_build(&f->balls, leaves, balls);
     for (int i = 0; i < balls; i++)
         f->sphere[i] = radius[f->balls.shape[i]];
+    f->grain = (float)root->blend;
+    for (int i = 0; i < balls; i++)
+        f->grain = fminf(f->grain, radius[i]);
     f->bend = convex && root->blend > 0 ? (float)(2 / root->blend) : 0.0f;
     f->wider = (float)((root->blend - drop) / growth * (1 + 1e-5));
     if (spheres) {
@@ -127,6 +130,7 @@ void fields_prepare(struct field_set *set, const struct prepared *prepared) {
         double share = root->growth / root->lipschitz;
         f->share = (float)(share < 1 ? share * (1 - 1e-5) : 1);
         f->least = 0x1p-21f * (f->radius < INFINITY ? f->radius : 1.0f);
+        f->floor = f->least * (root->lipschitz > 1 ? 0x1p6f : 0x1p12f); // what bends, bends near
         bool bounded = !p->repeated && root->radius < INFINITY;
         for (int k = 0; k < 3; k++)
             f->centre[k] = bounded ? (float)root->centre[k] : 0.0f;

@@ -138,13 +138,16 @@ static vmask march_field(const struct field *field, const struct program *progra
     return found;
 }
 
-// The same for a blend of spheres, whose slope is known: it is above the parabola of bent_step(), and near the surface
-// Newton's last step is right to `least`.
+// The same for a blend of spheres, whose slope is known: it is above the parabola of bent_root(), and near the surface
+// Newton's last step is right to `least`. guess: where a ray may come to the surface; it is looked at first. As the field
+// bends down by no more than `bend` backwards, too, there is no surface within 2·fall/bend before one.
 static vmask march_spheres(const struct field *field, const int *list, int count, struct vec o,
-                           struct vec d, vmask active, vfloat near, vfloat far, vfloat *t) {
-    vfloat zero = v_splat(0.0f), at = near, least = v_splat(field->least);
+                           struct vec d, vmask active, vfloat near, vfloat far, vfloat guess,
+                           vfloat *t) {
+    vfloat zero = v_splat(0.0f), least = v_splat(field->least);
     vfloat curved = v_splat(field->bend / (8 * field->least));
-    vmask found = v_mask_none();
+    vmask found = v_mask_none(), leapt = v_and(v_cmp_gt(guess, near), v_cmp_lt(guess, far));
+    vfloat at = v_select(leapt, guess, near);
     for (int steps = 0; steps < MOST_FIELD_STEPS && v_any(active); steps++) {
         ACTIVE(v_count(active));
         COUNT(field_step, call);
@@ -152,20 +155,32 @@ static vmask march_spheres(const struct field *field, const int *list, int count
         vfloat fall = v_max(zero - a.slope, zero), size = v_abs(a.f);
         vmask straight = v_cmp_lt(curved * size * size, fall * fall * fall);
         vmask reached = v_cmp_lt(steps > 0 ? size : a.f, least);
-        vfloat last = v_select(straight, a.f / v_max(fall, v_splat(1e-6f)), zero);
-        reached = v_and(active, v_or(reached, straight));
-        *t = v_select(reached, at + v_select(v_cmp_lt(a.f, zero), zero, last), *t);
+        vfloat last = a.f / v_max(fall, v_splat(1e-6f)), root = at + last;
+        vmask clear = v_cmp_lt((root - near) * a.bend, (fall + fall) * v_splat(0.99f));
+        reached = v_or(v_andnot(leapt, reached), v_and(straight, v_or(clear, v_not(leapt))));
+        reached = v_and(active, reached);
+        vfloat end = at + v_select(v_and(straight, v_or(leapt, v_cmp_ge(a.f, zero))), last, zero);
+        *t = v_select(reached, end, *t);
         found = v_or(found, reached);
-        active = v_andnot(v_or(reached, v_cmp_ge(at, far)), active);
+        active = v_andnot(v_or(reached, v_andnot(leapt, v_cmp_ge(at, far))), active);
         vfloat next = bent_root(a.f, a.slope, a.bend);
-        at = at + v_min(v_select(v_cmp_gt(a.f, zero), v_max(a.f, next), a.f), far - at);
+        vfloat ahead = at + v_min(v_select(v_cmp_gt(a.f, zero), v_max(a.f, next), a.f), far - at);
+        if (steps < 2) {
+            vmask again =
+                v_and(v_and(leapt, clear), v_and(v_cmp_gt(root, near), v_cmp_lt(root, far)));
+            at = v_select(leapt, v_select(again, root, near), ahead);
+            leapt = again;
+        } else {
+            at = v_select(leapt, near, ahead);
+            leapt = v_mask_none();
+        }
     }
     return v_and(found, v_cmp_lt(*t, far));
 }
 
 // Returns which rays come to the surface between begin and end, by the listed children.
 static vmask enter_segment(const struct field *f, int *list, int count, struct vec o, struct vec d,
-                           vmask active, vfloat begin, vfloat end, vfloat *t) {
+                           vmask active, vfloat begin, vfloat end, vfloat guess, vfloat *t) {
     if (count == 0)
         return v_mask_none();
     if (count == 1 && f->sphere[list[0]] > 0) {
@@ -175,56 +190,81 @@ static vmask enter_segment(const struct field *f, int *list, int count, struct v
         return v_and(v_and(active, s.met), v_and(v_cmp_gt(s.out, begin), v_cmp_lt(s.in, end)));
     }
     if (f->blend > 0 && count <= MOST_SPHERES)
-        return march_spheres(f, list, count, o, d, active, begin, end, t);
+        return march_spheres(f, list, count, o, d, active, begin, end, guess, t);
     _Alignas(64) struct step room[f->program->length];
     struct program part = part_of(f, list, count, room);
     return march_field(f, &part, o, d, active, begin, end, t);
 }
 
+// Sets where each ray is first in a ball, from near on, and where it leaves that: both far, if nowhere.
+__attribute__((always_inline)) static inline void first_stretch(const vfloat *along,
+                                                                const vfloat *half, int count,
+                                                                vfloat near, vfloat far,
+                                                                vfloat *begin, vfloat *end) {
+    *begin = *end = far;
+    for (int i = 0; i < count; i++) {
+        vfloat in = v_max(along[i] - half[i], near), out = along[i] + half[i];
+        vmask first = v_and(v_cmp_gt(out, near), v_cmp_lt(in, *begin));
+        *begin = v_select(first, in, *begin);
+        *end = v_select(first, v_min(out, far), *end);
+    }
+}
+
 // Rays within the balls alone need be marched: from one ball to the next, in the order in which a ray enters them. There a
 // child has a part if its ball is in reach, made larger by f->wider.
-static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmask active,
-                         vfloat near, vfloat far, vfloat *t) {
-    _Alignas(64) int list[f->balls.level[0].count + 1], kept[f->balls.level[0].count + 1];
-    struct beam b = beam_of(o, d, active, near, far);
-    int listed = list_balls(f, &b, 0, f->wider, list), count = 0;
-    _Alignas(64) struct cone_span ball[listed + 1], reach[listed + 1];
-    vfloat straight = v_splat(0.0f), within = far;
-    for (int i = 0; i < listed; i++) { // within a child a ray is within the union, too
-        reach[i] = ball_span(f, list[i], f->wider, o, d, straight);
-        float shrink = f->sphere[list[i]] * (1 - 0x1p-9f) - f->balls.level[0].radius[list[i]];
-        struct cone_span child = ball_span(f, list[i], shrink, o, d, straight);
-        vmask enters = v_and(child.met, v_cmp_gt(child.in, near));
-        within = v_select(enters, v_min(child.in, within), within);
+__attribute__((always_inline)) static inline vmask
+enter_listed(const struct field *f, const int *list, int count, struct vec o, struct vec d,
+             vmask active, vfloat near, vfloat far, vfloat guess, vfloat *t) {
+    const float *radii = f->balls.level[0].radius;
+    _Alignas(64) int kept[count];
+    _Alignas(64) vfloat along[count], square[count], reach[count], half[count];
+    vfloat zero = v_splat(0.0f), within = far, none = v_splat(-INFINITY);
+    vmask meets = v_mask_none(), found = meets;
+    for (int i = 0; i < count; i++) {
+        struct vec v = vec_sub(ball_centre(f, list[i]), o);
+        vfloat radius = v_splat(radii[list[i]]);
+        along[i] = vec_dot(v, d);
+        struct vec aside = vec_along(v, d, zero - along[i]);
+        square[i] = vec_dot(aside, aside);
+        meets = v_or(meets, v_cmp_lt(square[i], radius * radius));
     }
-    for (int i = 0; i < listed; i++) {
-        vmask needed = v_and(v_and(reach[i].met, active), v_cmp_lt(reach[i].in, within));
-        reach[count] = reach[i];
-        list[count] = list[i];
-        count += v_any(needed);
+    if (!v_any(v_and(meets, active)))
+        return found;
+    for (int i = 0; i < count; i++) { // within a child a ray is within the union, too
+        vfloat child = v_splat(f->sphere[list[i]] * (1 - 0x1p-9f)),
+               in = v_msub(child, child, square[i]);
+        vfloat first = along[i] - v_sqrt_below(v_max(in, v_splat(1e-30f)));
+        vmask enters = v_and(v_cmp_gt(in, zero), v_cmp_gt(first, near));
+        within = v_select(enters, v_min(first, within), within);
     }
-    for (int i = 0; i < count; i++)
-        ball[i] = ball_span(f, list[i], less_drop(f, count), o, d, straight);
-    vmask found = v_mask_none();
-    while (count > 0 && v_any(active)) {
-        vfloat begin = far, end = far;
-        int parts = 0;
-        for (int i = 0; i < count; i++) {
-            vfloat in = v_max(ball[i].in, near);
-            vmask first =
-                v_and(v_and(ball[i].met, v_cmp_gt(ball[i].out, near)), v_cmp_lt(in, begin));
-            begin = v_select(first, in, begin);
-            end = v_select(first, v_min(ball[i].out, far), end);
-        }
+    int needed = 0;
+    for (int i = 0; i < count; i++) {
+        vfloat radius = v_splat(radii[list[i]] + f->wider),
+               inside = v_msub(radius, radius, square[i]);
+        vfloat root = root_above(inside);
+        vmask met = v_and(v_cmp_gt(inside, zero), v_cmp_lt(along[i] - root, within));
+        reach[i] = v_select(met, root, none);
+        needed += v_any(v_and(met, active));
+    }
+    float less = less_drop(f, needed);
+    for (int i = 0; i < count; i++) {
+        vfloat radius = v_splat(radii[list[i]] + less), inside = v_msub(radius, radius, square[i]);
+        half[i] = v_select(v_cmp_gt(inside, zero), root_above(inside), none);
+    }
+    while (v_any(active)) {
+        vfloat begin, end;
+        first_stretch(along, half, count, near, far, &begin, &end);
         active = v_and(active, v_cmp_lt(begin, end));
         if (!v_any(active))
             break;
+        int parts = 0;
         for (int i = 0; i < count; i++) {
-            vmask met = v_and(v_cmp_lt(reach[i].in, end), v_cmp_gt(reach[i].out, begin));
-            if (v_any(v_and(v_and(reach[i].met, met), active)))
-                kept[parts++] = list[i];
+            vmask met =
+                v_and(v_cmp_lt(along[i] - reach[i], end), v_cmp_gt(along[i] + reach[i], begin));
+            kept[parts] = list[i];
+            parts += v_any(v_and(met, active));
         }
-        vmask here = enter_segment(f, kept, parts, o, d, active, begin, end, t);
+        vmask here = enter_segment(f, kept, parts, o, d, active, begin, end, guess, t);
         found = v_or(found, here);
         active = v_andnot(here, active);
         near = end;
@@ -232,9 +272,78 @@ static vmask enter_balls(const struct field *f, struct vec o, struct vec d, vmas
     return found;
 }
 
+// The same; a count that is known has straight-line code.
+static vmask enter_balls(const struct field *f, const int *list, int count, struct vec o,
+                         struct vec d, vmask active, vfloat near, vfloat far, vfloat guess,
+                         vfloat *t) {
+    switch (count) {
+    case 0: return v_mask_none();
+    case 1: return enter_listed(f, list, 1, o, d, active, near, far, guess, t);
+    case 2: return enter_listed(f, list, 2, o, d, active, near, far, guess, t);
+    case 3: return enter_listed(f, list, 3, o, d, active, near, far, guess, t);
+    case 4: return enter_listed(f, list, 4, o, d, active, near, far, guess, t);
+    case 5: return enter_listed(f, list, 5, o, d, active, near, far, guess, t);
+    default: return enter_listed(f, list, count, o, d, active, near, far, guess, t);
+    }
+}
+
+// A ray's hit is not far from where the two packets before it lead: that is looked at first.
+static vfloat expected_hit(const struct field_rays *r, int before) {
+    vfloat none = v_splat(-INFINITY);
+    if (before == 0)
+        return none;
+    vfloat step = v_splat(0.0f);
+    if (before > 1)
+        step = v_select_or_zero(r[-2].met, r[-1].t - r[-2].t);
+    return v_select(r[-1].met, r[-1].t + step, none);
+}
+
+enum { MOST_OF_ROW = 10 };
+
+void field_row(const struct field *f, struct vec o, struct field_rays *rays, int packets) {
+    vfloat zero = v_splat(0.0f), radius = v_splat(f->radius), away = vec_norm(o), apart = zero;
+    struct vec axis = rays[packets / 2].d;
+    axis = (struct vec){of_lane(axis.x, 0), of_lane(axis.y, 0), of_lane(axis.z, 0)};
+    for (int i = 0; i < packets; i++) {
+        struct vec turn = vec_sub(rays[i].d, axis);
+        apart = v_max(apart, vec_dot(turn, turn));
+        rays[i].met = v_mask_none();
+    }
+    struct beam b = {o, axis, v_max_of_lanes(v_sqrt(apart)) * (away + radius),
+                     v_max(away - radius, zero), away + radius};
+    _Alignas(64) int list[f->balls.level[0].count + 1];
+    int count = list_balls(f, &b, 0, f->wider, list);
+    for (int i = 0; count > 0 && i < packets; i++) {
+        struct field_rays *r = &rays[i];
+        vfloat before = zero - vec_dot(o, r->d), in = zero;
+        struct vec c =
+            vec_along(o, r->d, before); // nearest to the group's centre: see hit/solids.h
+        vfloat half = v_sqrt(v_max(v_msub(radius, radius, vec_dot(c, c)), zero));
+        vmask active = v_and(v_cmp_gt(half, zero), v_cmp_gt(before + half, zero));
+        active = v_and(r->active, active);
+        if (!v_any(active))
+            continue;
+        vfloat near = v_max(zero - half, zero - before);
+        int listed = count;
+        if (count > MOST_OF_ROW) { // a packet meets fewer
+            struct beam narrow = beam_of(c, r->d, active, near, half);
+            listed = list_balls(f, &narrow, 0, f->wider, list);
+        }
+        r->met = enter_balls(f, list, listed, c, r->d, active, near, half,
+                             expected_hit(r, i) - before, &in);
+        r->t = before + in;
+        r->point = vec_along(c, r->d, in);
+        r->met = v_and(r->met, v_cmp_gt(r->t, zero));
+    }
+}
+
 vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat near,
                   vfloat far, vfloat *t) {
-    if (field->balls.levels > 0)
-        return enter_balls(field, o, d, active, near, far, t);
+    if (field->balls.levels > 0) {
+        _Alignas(64) int list[field->balls.level[0].count + 1];
+        struct beam b = beam_of(o, d, active, near, far);
+        int count = list_balls(field, &b, 0, field->wider, list);
+        return enter_balls(field, list, count, o, d, active, near, far, v_splat(-INFINITY), t);
+    }
     return march_field(field, field->program, o, d, active, near, far, t);
 }

@@ -27,6 +27,18 @@ static inline struct cone_span cone_span(struct vec v, vfloat radius, struct vec
     return (struct cone_span){v_cmp_gt(inside, zero), (b - root) * per, (b + root) * per};
 }
 
+// A packet of camera rays in the group's frame, and where they come to its surface.
+struct field_rays {
+    struct vec d;
+    vmask active;
+    vmask met;
+    vfloat t;
+    struct vec point;
+};
+
+// Sets the hits of packets side by side, whose rays begin at o. Precondition: the group has balls.
+void field_row(const struct field *field, struct vec o, struct field_rays *rays, int packets);
+
 vfloat field_distance(const struct field *field, struct vec p);
 struct field_surface field_surface(const struct field *field, struct vec p, vmask found);
 

@@ -41,6 +41,27 @@ __attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, 
     }
 }
 
+// Returns τ of three or four distances: the least mean of some of them and the blend, (k + Σ)/n, for any part of the sum
+// Σ max(τ − d, 0) = k is no more than all of it. The least mean is of the nearest.
+__attribute__((always_inline)) static inline vfloat level_of_few(const vfloat *d, int count,
+                                                                 vfloat blend) {
+    vfloat low = v_min(d[0], d[1]), high = v_max(d[0], d[1]), part = v_splat(1.0f / 3);
+    vfloat least = v_min(low, d[2]), three = d[0] + d[1] + d[2], two = three - v_max(high, d[2]);
+    vfloat all = three;
+    if (count == 4) {
+        vfloat low2 = v_min(d[2], d[3]), high2 = v_max(d[2], d[3]);
+        all = three + d[3];
+        three = all - v_max(high, high2);
+        least = v_min(low, low2);
+        two = least + v_min(v_max(low, low2), v_min(high, high2));
+    }
+    vfloat level = v_min(least + blend, v_splat(0.5f) * (two + blend));
+    level = v_min(level, part * (three + blend));
+    if (count == 4)
+        level = v_min(level, v_splat(0.25f) * (all + blend));
+    return level;
+}
+
 // Returns the blend of 1 to MOST_SPHERES listed spheres. `count` is a constant where this is inlined with one.
 __attribute__((always_inline)) static inline struct field_along
 blend_of(const struct field *field, const int *list, int count, struct vec p, struct vec d) {
@@ -56,22 +77,30 @@ blend_of(const struct field *field, const int *list, int count, struct vec p, st
     }
     if (count == 2)
         return blend_of_two(distance, slope, field->blend, field->per_blend);
-    vfloat least = distance[0], half = v_splat(0.5f), weights = v_splat(0.0f), along = weights;
-    for (int i = 1; i < count; i++)
-        least = v_min(distance[i], least);
-    for (int i = 0; i < count; i++)
-        distance[i] = (distance[i] - least) * v_splat(field->per_blend);
-    vfloat level = level_near(distance, count), sum = weights, squares = weights;
+    vfloat blend = v_splat(field->blend), level, zero = v_splat(0.0f);
+    if (count == 3 || count == 4) {
+        level = level_of_few(distance, count, blend);
+    } else {
+        vfloat least = distance[0], above[MOST_SPHERES];
+        for (int i = 1; i < count; i++)
+            least = v_min(distance[i], least);
+        for (int i = 0; i < count; i++)
+            above[i] = (distance[i] - least) * v_splat(field->per_blend);
+        level = v_madd(level_near(above, count), blend, least);
+    }
+    vfloat weights = zero, along = zero, sum = zero, squares = zero;
     for (int i = 0; i < count; i++) {
-        vfloat w = v_max(level - distance[i], v_splat(0.0f));
+        vfloat w = v_max(level - distance[i], zero);
         weights = v_madd(w, w, weights);
         along = v_madd(w, slope[i], along);
         sum = sum + slope[i];
         squares = v_madd(slope[i], slope[i], squares);
     }
-    vfloat spread = v_nmadd(sum * v_splat(1.0f / (float)count), sum, squares);
-    vfloat f = v_madd(v_splat(field->blend), v_nmadd(half, weights, level - half), least);
-    return (struct field_along){f, along, spread * v_splat(field->per_blend)};
+    vfloat per = v_splat(field->per_blend),
+           spread = v_nmadd(sum * v_splat(1.0f / (float)count), sum, squares);
+    vfloat f =
+        v_nmadd(weights, v_splat(0.5f * field->per_blend), level - v_splat(0.5f * field->blend));
+    return (struct field_along){f, along * per, spread * per};
 }
 
 // Returns the blend of 1 to MOST_SPHERES listed spheres at o + t·d.
@@ -85,6 +114,12 @@ blend_along(const struct field *field, const int *list, int count, struct vec o,
     case 4: return blend_of(field, list, 4, p, d);
     default: return blend_of(field, list, count > 1 ? count : 1, p, d);
     }
+}
+
+// Returns the root of a > 0, or up to 2⁻⁹ more.
+static inline vfloat root_above(vfloat a) {
+    vfloat some = v_max(a, v_splat(1e-30f));
+    return some * v_rsqrt_approx(some) * v_splat(1.0f + 0x1p-10f);
 }
 
 // Returns how far excess + slope·x − bend·x²/2 stays above 0, or a little less.

@@ -101,7 +101,7 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
     vfloat t;
     vmask met;
     struct vec local;
-    if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // left to hit_bulbs() and hit_repeated()
+    if (s->type == SHAPE_MANDELBULB || REPEATED(s) || HAS_BALLS(s)) // see camera_row()
         return;
     if (s->eval == EVAL_LINEAR) {
         vfloat slope = add_dot(s->normal, direction);
@@ -113,6 +113,22 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
         met = enter(vec_set(cameras[i].at), turned(s, direction), s, active, &t, &local, &behind);
     }
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
+}
+
+// Intersects a row of packets with a group that has balls.
+INLINE void hit_balls(int i, struct shading_packet *stage, int count, const struct job *job) {
+    const struct primitive *s = &KNOWN(job->prepared)->primitives[i];
+    if (!HAS_BALLS(s))
+        return;
+    struct field_rays rays[GROUP];
+    for (int k = 0; k < count; k++) {
+        rays[k].d = turned(s, stage[k].ray.direction);
+        rays[k].active = stage[k].ray.active;
+    }
+    field_row(s->field, vec_set(job->cameras[i].at), rays, count);
+    for (int k = 0; k < count; k++)
+        take_hit(v_and(rays[k].met, v_cmp_lt(rays[k].t, stage[k].hit.t)), rays[k].t, rays[k].point,
+                 s, &stage[k].hit);
 }
 
 // Sets a packet of camera rays and its hits, except on Mandelbulbs and repeated shapes.
@@ -248,6 +264,12 @@ KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
         camera_packet(tile, block_at(tile, row, count), pixel, job, scratch, at);
         if (KNOWN(job->prepared)->bulbs)
             take_bulb_hits(at, pixel, scratch);
+    }
+    if (!HAS_BVH(job->prepared)) {
+        UNROLL_SHAPES
+        for (int k = 0; k < set_end(&scratch->camera_shapes); k++)
+            if (set_has(&scratch->camera_shapes, k))
+                hit_balls(set_shape(&scratch->camera_shapes, k), stage, count, job);
     }
     return count;
 }

@@ -10,6 +10,7 @@
 #define KNOWN(scene) (&(scene)->known)
 #define HAS_BVH(scene) ((scene)->bvh.levels > 0)
 #define IS_GROUP(s) ((s)->type == SHAPE_GROUP)
+#define HAS_BALLS(s) (IS_GROUP(s) && !(s)->sharp && (s)->field->balls.levels > 0)
 // INLINE: functions that a kernel compiles anew for each shape. KERNEL_SHARED: functions that another file
 // calls. KERNEL_INLINE: both.
 #define INLINE static inline
