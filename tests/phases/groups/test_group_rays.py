@@ -77,6 +77,17 @@ def test_ideal_shadows_are_found(name: str, least: float, tmp_path: Path) -> Non
     check("opt11_ideal", scene_of(name, "ideal"), tmp_path, least)
 
 
+@pytest.mark.parametrize("name", ["csg", "bumpy"])
+def test_ideal_shadows_are_as_declared(name: str, tmp_path: Path) -> None:
+    """At 80 dB, linear and as displayed. Rays of bumpy begin next to an edge: dips at t < 0.003."""
+    scene, size = scene_of(name, "soft"), (107, 60)
+    exact, mine = (picture(phase, scene, tmp_path, size) for phase in ("truth", "opt11_ideal"))
+    colours = images.rgb(exact, "ideal."), images.rgb(mine)
+    shown = [images.to_display(c) / 255.0 for c in colours]
+    for one, other in (colours, shown):
+        assert -10 * np.log10(np.mean((one - other) ** 2)) >= 80
+
+
 def solid(kind: str, **keys: Any) -> dict:
     return {"type": kind, "material": "a", **keys}
 
