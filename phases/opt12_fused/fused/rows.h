@@ -248,6 +248,9 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
         mixed_packets(f, r, x, span, w, job);
 }
 
+// Of so few pixels each is sooner drawn than its polynomial is found.
+enum { FEW = 320 };
+
 // The most that a polynomial may err, of a colour.
 #define SMOOTH_ERROR 1e-6
 
@@ -270,6 +273,8 @@ static int spacing_of(const struct fused *f, const struct fused_span *spans, int
     if (f->light_height[__builtin_ctzll(seen)] <= 0.0f)
         return 0;
     *plane = __builtin_ctzll(seen);
+    if (*x1 - *x0 <= FEW)
+        return 0;
     int spacing = fused_spacing(&f->frame, *plane, y, rows, *x0, *x1, SMOOTH_ERROR);
     return spacing && (*x1 - *x0) / spacing + 2 <= PIECES - 2 * LANES ? spacing : 0;
 }

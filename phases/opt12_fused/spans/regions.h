@@ -109,33 +109,6 @@ static inline void in_camera(const struct fused_frame *frame, const struct primi
         to[k] = span_dot(world, frame->axis[k]);
 }
 
-enum { TANGENTS = 16 };
-
-// cos and sin of 2πk/16.
-static inline double span_turn(int k) {
-    static const double turn[TANGENTS] = {
-        1,  0.92387953251128674,  0.70710678118654752,  0.38268343236508977,
-        0,  -0.38268343236508977, -0.70710678118654752, -0.92387953251128674,
-        -1, -0.92387953251128674, -0.70710678118654752, -0.38268343236508977,
-        0,  0.38268343236508977,  0.70710678118654752,  0.92387953251128674};
-    return turn[k % TANGENTS];
-}
-
-// Tangents all around: those that were found, and points of the shape where they touch it.
-struct span_tangents {
-    bool found[TANGENTS], touch;
-    double m[TANGENTS][3], point[TANGENTS][3];
-};
-
-static inline void set_tangents(const struct span_hull *hull, const struct span_source *from,
-                                struct span_tangents *t) {
-    t->touch = true;
-    for (int k = 0; k < TANGENTS; k++) {
-        t->found[k] = tangent_of(hull, from, span_turn(k), span_turn(k + 12), t->m[k]);
-        t->touch = t->touch && t->found[k] && support_point(hull, t->m[k], t->point[k]);
-    }
-}
-
 // Cuts by a half-space through the eye. n: in the solid's frame.
 static inline void cut_from_eye(struct span_item *item, const struct fused_frame *frame,
                                 const struct primitive *s, const double n[3], double share) {

@@ -97,27 +97,51 @@ static inline struct span_source source_at(const double at[3], double radius) {
     return from;
 }
 
-// Sets m, of unit length: the hull is on its one side and the source on its other, m·p <= support <= m·at − radius.
-// m leans towards (c, s) of side and up, as little from there as is found. Returns false if none is found.
-static inline bool tangent_of(const struct span_hull *hull, const struct span_source *from,
-                              double c, double s, double m[3]) {
-    enum { STEPS = 6 };
-    double per = 1 / from->far,
-           sine = fmin((hull->bound + hull->grow + from->radius) * per, 0.9999);
-    bool found = false;
-    for (int step = 0; step < STEPS; step++) {
-        double cosine = sqrt(1 - sine * sine), lean[3];
-        for (int k = 0; k < 3; k++)
-            lean[k] = cosine * (c * from->side[k] + s * from->up[k]) - sine * from->axis[k];
-        double need = (span_support(hull, lean) + from->radius) * per;
-        if (need <= sine) {
-            found = true;
-            for (int k = 0; k < 3; k++)
-                m[k] = lean[k];
-            if (sine - need < 1e-6)
-                break;
-        }
-        sine = fmin(need + 1e-14, 0.9999);
+enum { TANGENTS = 16 };
+
+// cos and sin of 2πk/16.
+static inline double span_turn(int k) {
+    static const double turn[TANGENTS] = {
+        1,  0.92387953251128674,  0.70710678118654752,  0.38268343236508977,
+        0,  -0.38268343236508977, -0.70710678118654752, -0.92387953251128674,
+        -1, -0.92387953251128674, -0.70710678118654752, -0.38268343236508977,
+        0,  0.38268343236508977,  0.70710678118654752,  0.92387953251128674};
+    return turn[k % TANGENTS];
+}
+
+// Tangents all around: those that were found, and points of the shape where they touch it.
+struct span_tangents {
+    bool found[TANGENTS], touch;
+    double m[TANGENTS][3], point[TANGENTS][3];
+};
+
+// Sets each m, of unit length: the hull is on its one side and the source on its other, m·p <= support <= m·at − radius. It
+// leans as little from its direction of side and up as is found. The 16 searches go side by side: each step waits for
+// a root and a quotient.
+static inline void set_tangents(const struct span_hull *hull, const struct span_source *from,
+                                struct span_tangents *t) {
+    enum { STEPS = 5 };
+    double per = 1 / from->far, sine[TANGENTS];
+    for (int k = 0; k < TANGENTS; k++) {
+        t->found[k] = false;
+        sine[k] = fmin((hull->bound + hull->grow + from->radius) * per, 0.9999);
     }
-    return found;
+    for (int step = 0; step < STEPS; step++)
+        for (int k = 0; k < TANGENTS; k++) {
+            double cosine = sqrt(1 - sine[k] * sine[k]), lean[3];
+            for (int a = 0; a < 3; a++)
+                lean[a] =
+                    cosine * (span_turn(k) * from->side[a] + span_turn(k + 12) * from->up[a]) -
+                    sine[k] * from->axis[a];
+            double need = (span_support(hull, lean) + from->radius) * per;
+            if (need <= sine[k]) {
+                t->found[k] = true;
+                for (int a = 0; a < 3; a++)
+                    t->m[k][a] = lean[a];
+            }
+            sine[k] = fmin(need + 1e-14, 0.9999);
+        }
+    t->touch = true;
+    for (int k = 0; k < TANGENTS; k++)
+        t->touch = t->touch && t->found[k] && support_point(hull, t->m[k], t->point[k]);
 }

@@ -18,7 +18,7 @@ from study.core.build import build
 from study.pictures import images
 
 PHASE = "opt12_fused"
-SIZE = (107, 61)  # no whole packets, and a last row without a second one
+SIZE = (427, 61)  # rows of polynomials, no whole packets, and a last row without a second one
 
 pytestmark = [
     pytest.mark.slow,
