@@ -119,9 +119,13 @@ static vfloat march_spheres_ratio(const struct field *field, const int *list, in
         vfloat root = v_madd((from - t) * v_rcp_approx(turn - last), turn, t);
         vmask over = v_andnot(back, v_and(v_cmp_lt(last, zero), v_cmp_gt(turn, zero)));
         vfloat ahead = v_select(back, on, t + v_max(next, least));
+        // A ray is done if no ratio before the end can be below its best.
+        vfloat none_less = bent_root(v_nmadd(best, t, a.f), a.slope - best, a.bend);
+        vmask done = v_andnot(v_or(back, over), v_cmp_ge(none_less, far - t));
         on = v_select_or_zero(over, ahead);
         active =
             v_and(active, v_and(v_or(v_or(back, over), v_cmp_lt(t, far)), v_cmp_gt(best, zero)));
+        active = v_andnot(done, active);
         last = v_select_or_zero(v_cmp_lt(next, least), v_zero_where(back, turn));
         from = t;
         t = v_select(active, v_min(v_select(over, root, ahead), far), t);

@@ -163,8 +163,10 @@ static vmask march_spheres(const struct field *field, const int *list, int count
         *t = v_select(reached, end, *t);
         found = v_or(found, reached);
         active = v_andnot(v_or(reached, v_andnot(leapt, v_cmp_ge(at, far))), active);
-        vfloat next = bent_root(a.f, a.slope, a.bend);
-        vfloat ahead = at + v_min(v_select(v_cmp_gt(a.f, zero), v_max(a.f, next), a.f), far - at);
+        vmask above = v_cmp_gt(a.f, zero); // within the next step then nothing is met
+        vfloat next = v_select(above, v_max(a.f, bent_root(a.f, a.slope, a.bend)), a.f);
+        active = v_andnot(v_andnot(leapt, v_and(above, v_cmp_ge(next, far - at))), active);
+        vfloat ahead = at + v_min(next, far - at);
         if (steps < 2) {
             vmask again =
                 v_and(v_and(leapt, clear), v_and(v_cmp_gt(root, near), v_cmp_lt(root, far)));
