@@ -13,16 +13,16 @@ FILE = registry.ROOT / "docs" / "labs" / "labs.json"
 class Lab:
     """An entry of labs.json.
 
-    Of a lab that asks for a phase: `speedup` over `start` on `scene`, `lanes`: by how much the share of lanes
-    at work must rise, `calls`: a pattern of functions whose calls (“flops”: all FLOPs) may be at most `share`
-    of the start's, `same_bits`: the picture of `start`, else one within the phase's tolerance. Of one that
-    asks for a scene: PSNR to baseline there of `breaks` (at most `below_db`) and of `start` (at least
-    `exact_db`). Of one with a `height`, where baseline and truth would take too long: the start's bits there,
-    and on the scenes in the files of `also`, which have hints by their names; and at most `share` of the
-    start's calls or `events` (counting.cachegrind), by `threads`; of a scene of a `crowd`, so many `shapes`
-    of its kinds, where it names none. Of one without a `start` that is the phase's parent, and the
-    picture must be within `truth_db` of ground truth. `answers`: the function of study.labs that asks for
-    words and numbers. `hints`: what is said, by the check that fails.
+    Of a lab that asks for a phase: `speedup` over `start` on `scene`, `lanes`: by how much the share of
+    lanes at work must rise, `calls`: a pattern of functions whose calls may be at most `share` of the
+    start's, `libm`: functions of libm, of which the same is asked, `same_bits`: the picture of `start`, else
+    one within the phase's tolerance. Of one that asks for a scene: PSNR to baseline there of `breaks` (at
+    most `below_db`) and of `start` (at least `exact_db`). Of one with a `height`, where baseline and truth
+    would take too long: the start's bits there, and on the scenes in the files of `also`, which have hints
+    by their names; and at most `share` of the start's calls or `events` (counting.cachegrind), by `threads`;
+    of a scene of a `crowd`, so many `shapes` of its kinds, where it names none. Of one without a `start`
+    that is the phase's parent, and the picture must be within `truth_db` of ground truth. `answers`: the
+    function of study.labs that asks for words and numbers. `hints`: what is said, by the check that fails.
     """
 
     number: int
@@ -44,6 +44,7 @@ class Lab:
     also: tuple[str, ...] = ()
     lanes: float = 0.0
     calls: str = ""
+    libm: tuple[str, ...] = ()
     share: float = 1.0
     breaks: str = ""
     below_db: float = 0.0

@@ -152,11 +152,15 @@ def test_untimed_in_gradescope_s_form(judged, tmp_path, monkeypatch):
     assert all(one["score"] == one["max_score"] == 1 for one in tests)
 
 
-@pytest.mark.parametrize(("share", "passed"), [(0.94, True), (0.96, False)])
-def test_work_is_judged_beside_time(share, passed):
+@pytest.mark.parametrize(("calls", "passed"), [(100, True), (101, False)])
+def test_work_is_judged_beside_time(monkeypatch, calls, passed):
     """A phase that is faster and does the same work has not had the lab's idea."""
-    sides = [SimpleNamespace(flops=1000, calls=None, lanes_at_work=None, fails=[])]
-    sides.append(SimpleNamespace(flops=int(1000 * share), calls=None, lanes_at_work=None, fails=[]))
+    counts = {"baseline": {"rotate": {"sin": 400, "cos": 600, "pow": 900}}, "opt1": {"shade": {"cos": calls}}}
+    monkeypatch.setattr(judge.flops, "missing", lambda _: None)
+    monkeypatch.setattr(
+        judge.flops, "measure", lambda _, spec, *__: SimpleNamespace(edges=counts[spec.phase])
+    )
+    sides = [SimpleNamespace(name=name, calls=None, lanes_at_work=None, fails=[]) for name in counts]
     ratio = stats.Interval(2, 1.9, 2.1, 12, True)
     told = SimpleNamespace(sides=sides, same_bits=True, ratio=ratio)
     checks = {one.name: one.passed for one in judge.of_phase(judge.labs()[1], told)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from pathlib import Path
 
@@ -25,13 +26,14 @@ def git(folder: Path, *words: str) -> str:
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """This repository, with a branch of labs 1 and 11, and one of all labs."""
+    """This repository, with branches of labs 1 and 11, of 2 and 3, and of all labs."""
     clone = tmp_path_factory.mktemp("clone") / "stepwise"
     git(ROOT, "clone", "-q", "--shared", str(ROOT), str(clone))
     for key, value in (("user.name", "A Teacher"), ("user.email", "teacher@example.org")):
         git(clone, "config", key, value)
     (clone / "README.md").write_text("an edit that is not committed\n")
     student_branch.make(clone, "two", [1, 11])
+    student_branch.make(clone, "three", [3, 2])
     student_branch.make(clone, "all", None)
     return clone
 
@@ -52,9 +54,8 @@ def test_no_file_of_solutions(clone: Path) -> None:
     assert phases_of(files(clone, "two")) == {"baseline", "start11"}
     for branch in ("two", "all"):
         names = files(clone, branch)
-        assert not [
-            name for name in names if name.startswith(("tests/", "systems/", "docs/labs/so", "docs/labs/st"))
-        ]
+        assert not [name for name in names if name.startswith(("systems/", "docs/labs/so", "docs/labs/st"))]
+        assert {name.split("/")[1] for name in names if name.startswith("tests/")} == {"calibration"}
         named = {"phases/opt2/ablations/fast_root_1.patch", "phases/opt2/ablations/fast_root_2.patch"}
         assert {name for name in names if name.endswith(".patch")} == (named if branch == "all" else set())
         assert "truth/phase.json" in names and ".github/workflows/lab.yml" in names
@@ -85,7 +86,10 @@ def test_labs_and_pages_name_the_starts_of_the_branch(clone: Path) -> None:
     assert {lab["number"]: lab["start"] for lab in labs} == {1: "baseline", 11: "start11"}
     page = git(clone, "show", "two:docs/labs/11-intrinsics.md")
     assert "FROM=start11\n" in page and "scalar_octahedron" not in page and "phases/start11/vec.h" in page
-    assert "## For teachers" not in git(clone, "show", "two:docs/labs/README.md")
+    readme = git(clone, "show", "two:docs/labs/README.md")
+    assert "## For teachers" not in readme and re.findall(r"FROM=(\S+)", readme) == ["baseline"]
+    assert "FROM=start2\n" in git(clone, "show", "three:docs/labs/README.md")
+    assert "## A branch for students" not in git(clone, "show", "two:docs/labs/COURSE.md")
     assert "phases/start4/core/packet_group.h" in git(clone, "show", "all:docs/labs/4-sleeping-shapes.md")
 
 

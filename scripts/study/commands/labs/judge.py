@@ -24,7 +24,7 @@ from study.core.host import sandbox
 from study.core.registry import Scene, Spec
 from study.core.run import USABLE
 from study.core.run import render as run_driver
-from study.counting import cachegrind
+from study.counting import cachegrind, flops
 from study.counting.schema import Declared
 from study.labs import answers, crowds, memory
 from study.labs.lab import Lab, labs, measuring
@@ -37,6 +37,7 @@ BASE = Spec("baseline", "baseline")
 DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views that a process draws before the one whose bits are compared
 COUNTED = 3  # times as high as what cachegrind counts is the picture
+COUNTED_HEIGHT = 60  # of what is counted block by block
 ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
 ENDS = (".c", ".h")
@@ -134,17 +135,29 @@ def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
             said += f" ({show.percent(before)} → {show.percent(now)})"
         made.append(Check("lanes", rises, said))
     if lab.calls:
-        works = [one.flops if lab.calls == "flops" else _calls(one, lab.calls) for one in (start, mine)]
-        made.append(of_work(lab, works))
+        made.append(of_work(lab, [_calls(one, lab.calls) for one in (start, mine)]))
+    if lab.libm:
+        made.append(of_libm(lab, [Spec.parse(one.name) for one in (start, mine)]))
     return [*made, *of_ratio(lab, result.ratio)]
 
 
 def of_work(lab: Lab, works: Sequence[int | None]) -> Check:
-    """Check of the FLOPs or calls of start and solution."""
+    """Check of the calls of start and solution."""
     less = bool(works[0] and works[1] is not None and works[1] <= lab.share * works[0])
-    what = "FLOPs" if lab.calls == "flops" else f"calls of {lab.calls}"
     counts = " → ".join(f"{work:,}" if work is not None else "not counted" for work in works)
-    return Check("work", less, f"{what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})")
+    what = lab.calls or ", ".join(lab.libm)
+    said = f"calls of {what}: at most {show.percent(lab.share)} of {lab.start}'s ({counts})"
+    return Check("work", less, said)
+
+
+def of_libm(lab: Lab, both: Sequence[Spec]) -> Check:
+    """Check of the calls that the programs execute, whatever their sources declare."""
+    if lacking := flops.missing("blocks"):
+        return Check("work", True, f"calls of {', '.join(lab.libm)}: not counted: {lacking}")
+    scene = registry.find_scene(lab.scene)
+    edges = [flops.measure("blocks", spec, scene, COUNTED_HEIGHT).edges for spec in both]
+    counts = [sum(one.get(name, 0) for one in of.values() for name in lab.libm) for of in edges]
+    return of_work(lab, counts)
 
 
 def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:

@@ -25,7 +25,6 @@ from study.truth.subject import FLOAT
 
 LEFT_OUT = (
     "systems",
-    "tests",
     "docs/labs/starts",
     "docs/labs/solutions",
     "docs/labs/mistakes",
@@ -35,12 +34,30 @@ LEFT_OUT = (
 WORKFLOW = "docs/labs/autograding/github-classroom.yml"  # becomes the branch's own
 CODE = re.compile(r"^```c\n.*?^```\n", re.MULTILINE | re.DOTALL)
 CUT = "*The code is left out on this branch.*\n"
-NOTE = """
-On this branch each start is a phase of its own, and what solves a lab is left out: no patch, no phase with
-the idea, no test. Your phase holds no file at first: copy those that you edit, like
-`phases/start4/core/sdf.h`, to the same place in it. `make try` compares it with its start.
+KEPT = "calibration"  # of the tests: `make hotspots` needs it
+FRONT = """
+This is a branch for students: begin with [the labs](docs/labs/README.md). What solves them is left
+out, so that not every command below runs.
 """
+NOTE = """
+Open on this branch: {labs}.
+
+Each start is a phase of its own. What solves a lab is left out: no patch, no phase with the idea, no
+test.
+
+```sh
+make new-phase NAME=mine FROM={start}
+make try NAME=mine               # speed, error, evaluations beside the start
+make judge LAB={number} NAME=mine        # is the goal reached? a hint if not
+```
+
+Give each lab's phase a name of its own, like `lab{number}`. It holds no file at first: copy those that you
+edit from the start's folder to the same place in it.
+
+"""
+EXAMPLE = ("\nA start like ", "## How the judge decides\n")  # what the note stands for
 TEACHERS = "\n## For teachers\n"
+BRANCH = re.compile(r"^## A branch for students\n.*?(?=^## )", re.MULTILINE | re.DOTALL)
 Lab = dict[str, Any]
 
 
@@ -87,8 +104,10 @@ def kept(opened: Sequence[Lab], root: Path) -> tuple[set[str], set[Path]]:
 
 def without_solutions(root: Path, phases: set[str], named: set[Path]) -> None:
     """Takes out of a tree what its labs' solutions are. Lessons stay without their code."""
-    for folder in LEFT_OUT:
-        shutil.rmtree(root / folder, ignore_errors=True)
+    others = [path for path in (root / "tests").iterdir() if path.name != KEPT]
+    for path in [*(root / folder for folder in LEFT_OUT), *others]:
+        shutil.rmtree(path, ignore_errors=True)
+        path.unlink(missing_ok=True)
     for path in sorted((root / "phases").glob("*/**/*"), reverse=True):
         phase = path.relative_to(root / "phases").parts[0]
         lesson = path.name == "NOTES.md" or path.suffix == ".svg"
@@ -101,9 +120,20 @@ def without_solutions(root: Path, phases: set[str], named: set[Path]) -> None:
             store.write_text(path, CODE.sub(CUT, path.read_text(encoding="utf-8")))
 
 
+def with_note(text: str, opened: Sequence[Lab], starts: dict[str, str]) -> str:
+    """The labs' README with the branch's own commands, where a lab begins with a phase."""
+    before, _, after = text.partition(EXAMPLE[0])
+    begun = next((lab for lab in opened if lab.get("start") and not lab.get("breaks")), opened[0])
+    start = starts.get(begun.get("start", ""), begun.get("start") or judge.BASE.phase)
+    labs = f"lab{'s' * (len(opened) > 1)} {', '.join(str(lab['number']) for lab in opened)}"
+    note = NOTE.format(labs=labs, start=start, number=begun["number"])
+    return before + note + EXAMPLE[1] + after.partition(EXAMPLE[1])[2]
+
+
 def renamed(opened: Sequence[Lab], starts: dict[str, str], root: Path) -> None:
     """Writes the labs that are open, with the names of their starts, into labs.json and the pages."""
-    place = root / "docs" / "labs"
+    place, front = root / "docs" / "labs", root / "README.md"
+    store.write_text(front, front.read_text(encoding="utf-8").replace("\n", f"\n{FRONT}", 1))
     for page in place.glob("*.md"):
         text = page.read_text(encoding="utf-8")
         own = next((lab for lab in opened if lab["page"] == page.name), None)
@@ -113,8 +143,8 @@ def renamed(opened: Sequence[Lab], starts: dict[str, str], root: Path) -> None:
         for old, new in starts.items():
             text = text.replace(old, new)
         if page.name == "README.md":
-            text = text.partition(TEACHERS)[0].replace("\n", f"\n{NOTE}", 1)
-        store.write_text(page, text)
+            text = with_note(text.partition(TEACHERS)[0], opened, starts)
+        store.write_text(page, BRANCH.sub("", text))
     labs = [lab | {"start": starts.get(lab.get("start", ""), lab.get("start", ""))} for lab in opened]
     store.write_text(place / "labs.json", json.dumps({"labs": labs}, indent=4, ensure_ascii=False) + "\n")
 
@@ -167,5 +197,5 @@ def run(args: argparse.Namespace) -> Outcome:
     cli.say("the work tree is as it was")
     starts = [f"  {new} stands for {old}" for old, new in made["starts"].items()]
     labs = ", ".join(map(str, made["labs"]))
-    lines = [f"Branch {args.branch} has labs {labs} in {made['files']} files:", *starts]
+    lines = [f"Branch {args.branch} has labs {labs} in {made['files']} files.", *starts]
     return Outcome(made, [*lines, f"Hand it out: git push COURSE {args.branch}:main"])
