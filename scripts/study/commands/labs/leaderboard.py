@@ -159,7 +159,7 @@ def page(entries: Sequence[Entry], about: str) -> str:
     style = (
         "body{font:16px sans-serif;margin:2em;max-width:70em}td,th{text-align:left;padding:.3em 1em .3em 0}"
     )
-    style += "tr{border-bottom:1px solid #ccc}"
+    style += "table{display:block;overflow-x:auto}tr{border-bottom:1px solid #ccc}"
     return f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>Leaderboard</title><style>{style}</style>
