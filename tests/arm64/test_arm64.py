@@ -28,16 +28,6 @@ from study.pictures import gate, images
 
 pytestmark = [pytest.mark.slow, arm64.needs_arm64]
 
-SCENES = list(registry.scenes())
-# Every scene by these, a kind of lanes each; by the others, which are of the same words, every fourth.
-WHOLLY = (harness.REFERENCE, "opt4", "opt6_wide", "opt11_ideal")
-DRAWN = [
-    (phase, scene)
-    for i, phase in enumerate(PHASES)
-    for k, scene in enumerate(SCENES)
-    if phase in WHOLLY or (i + k) % 4 == 0
-]
-
 
 def draw(phase: str, scene: Path, width: int, height: int) -> Run:
     """The picture of the cross-built program. Raises harness.Unsupported."""
@@ -61,7 +51,8 @@ def small(tolerance: dict, pixels: int) -> dict:
     return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
 
 
-@pytest.mark.parametrize(("phase", "scene"), DRAWN)
+@pytest.mark.parametrize("scene", registry.scenes())
+@pytest.mark.parametrize("phase", PHASES)
 def test_scene(phase: str, scene: str) -> None:
     """Within the conformance suite's bounds to baseline's picture of this machine, and within the phase's own
     tolerance to it, where it declares one."""
