@@ -35,7 +35,8 @@ def folders(to: Path, *names: str, without: Sequence[str] = ("__pycache__",)) ->
     return to
 
 
-def built(folder: Path) -> Path:
-    """The folder, with what this project has built of common/ and of ground truth."""
-    names = [name for name in ("build/common", "build/truth") if (ROOT / name).is_dir()]
+def built(folder: Path, *phases: str) -> Path:
+    """The folder, with what this project has built of common/, of ground truth and of these phases. Nothing
+    of it is built again whose sources have the times of this project's, or older ones."""
+    names = [f"build/{name}" for name in ("common", "truth", *phases) if (ROOT / "build" / name).is_dir()]
     return folders(folder, *names, without=(".*", "kept", "parsed"))
