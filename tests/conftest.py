@@ -54,10 +54,16 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The longest files first, then the single tests: no worker waits for the last of the others."""
+    """The longest files first, then the single tests: no worker waits for the last of the others. Of one
+    phase: its own of the tests ALONE, and elsewhere all but those that name others alone."""
     if phase := config.getoption("phase"):
         named = re.compile(rf"\b{re.escape(phase)}\b")
-        other = [item for item in items if item.path.parent in ALONE and not named.search(item.name)]
+        others = re.compile(rf"\b({'|'.join(map(re.escape, registry.phases()))})\b")
+        other = [
+            item
+            for item in items
+            if not named.search(item.name) and (item.path.parent in ALONE or others.search(item.name))
+        ]
         config.hook.pytest_deselected(items=other)
         items[:] = [item for item in items if item not in other]
     sizes = {path: path.stat().st_size for path in {item.path for item in items}}
