@@ -150,7 +150,8 @@ def phases(data: Data) -> Section:
 def ran(data: Data) -> Section:
     """Machine, noise, what was left out, the commands that make it again."""
     known = dict(facts.machine(data))
-    said = [known[label] for label in ("CPU", "compiler", "measured frames") if label in known]
+    told = {"CPU": "", "compiler": "", "measured frames": "measured frames: "}
+    said = [f"{before}{known[label]}" for label, before in told.items() if label in known]
     answer = f"{'; '.join(said)}." if said else ""
     return Section("machine", "Machine, noise, commands", "", [], answer=answer)
 
