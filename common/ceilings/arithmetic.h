@@ -40,7 +40,6 @@ enum { ARITHMETIC_KERNEL_COUNT = 80 };
 extern const struct arithmetic_kernel ARITHMETIC_KERNELS[ARITHMETIC_KERNEL_COUNT];
 
 enum form kernel_form(enum kind kind);
-// Operations of the kind in the body of the loop.
 int operations_per_loop(enum kind kind);
 int kernel_lanes(const struct arithmetic_kernel *c);
 // FLOPs of one instruction; a fused multiply-add is two per lane.

@@ -10,9 +10,7 @@
 // issues more per cycle; which mix is fastest depends on the core. Bandwidth (bandwidth.h): load,
 // store and copy in L1, L2, L3 and memory (working_sets.h). The estimate is described in samples.h.
 //
-// Kernels are assembly, so that no compiler folds, hoists or removes them. All are checked: after its
-// samples, an arithmetic kernel's registers are compared with the same arithmetic in C. The bytes
-// that loads, stores and copies transfer are compared before they are timed.
+// Kernels are assembly, so that no compiler folds, hoists or removes them. All are checked.
 //
 // Sources: A. Fog, "Instruction tables" (agner.org/optimize), on chains and units. A. Abel and J.
 // Reineke, "uops.info", ASPLOS 2019, on measuring throughput. J. D. McCalpin's STREAM, on bandwidth;

@@ -98,7 +98,6 @@ void error_add(struct error *total, const struct error *part);
 struct random {
     uint64_t state; // the seed at the start
 };
-// Returns a random number in [0, 1).
 double random_unit(struct random *random);
 
 // Returns a random argument from stratum `which` of `strata` equal strata of the span. `by_bits`:

@@ -32,63 +32,27 @@ ONE_ARGUMENT(exact_acos, acos(a))
      {0, TINY - 1, 251},                                                                           \
      {NEGATIVE, (NEGATIVE | TINY) - 1, 251}}
 #define NORMALS {{SMALLEST_NORMAL, LARGEST_FINITE, 1}}
+// clang-format off
+#define NONE {0, 0, false}
+#define POSITIVE {NONE, {0x1p-1022, 0x1.fffffffffffffp1023, false}}
+#define ANGLES BOTH_SIGNS(MAX_ANGLE, MAX_ANGLE), {NONE, {0x1p-60, 1e5, true}}
 
+// name, arguments, exact, segments, a, b, timed
 const struct target targets[] = {
-    {.name = "sqrt",
-     .arguments = 1,
-     .exact = exact_sqrt,
-     .segments = NORMALS,
-     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
-     .timed = {{0.001, 1000, false}}},
-    {.name = "rsqrt",
-     .arguments = 1,
-     .exact = exact_rsqrt,
-     .segments = NORMALS,
-     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
-     .timed = {{0.001, 1000, false}}},
-    {.name = "exp",
-     .arguments = 1,
-     .exact = exact_exp,
-     .segments = BOTH_SIGNS(0x42b00000u, 0x42ae0000u), // −87 … 88
-     .a = {{0}, {0x1p-60, 708, true}},
-     .timed = {{0.001, 10, true}}},
-    {.name = "log",
-     .arguments = 1,
-     .exact = exact_log,
-     .segments = NORMALS,
-     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
-     .timed = {{0.001, 1000, false}}},
-    {.name = "pow",
-     .arguments = 2,
-     .exact = pow,
-     .a = {{0x1p-10, 0x1p10, false}, {0x1p-10, 0x1p10, false}},
-     .b = {{0x1p-10, 12, true}, {0x1p-10, 100, true}},
-     .timed = {{0.01, 10, false}, {0.1, 10, true}}},
-    {.name = "sin",
-     .arguments = 1,
-     .exact = exact_sin,
-     .segments = BOTH_SIGNS(MAX_ANGLE, MAX_ANGLE),
-     .a = {{0}, {0x1p-60, 1e5, true}},
-     .timed = {{0.001, 10, true}}},
-    {.name = "cos",
-     .arguments = 1,
-     .exact = exact_cos,
-     .segments = BOTH_SIGNS(MAX_ANGLE, MAX_ANGLE),
-     .a = {{0}, {0x1p-60, 1e5, true}},
-     .timed = {{0.001, 10, true}}},
-    {.name = "atan2",
-     .arguments = 2,
-     .exact = atan2,
-     .a = {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}},
-     .b = {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}},
-     .timed = {{0.001, 10, true}, {0.001, 10, true}}},
-    {.name = "acos",
-     .arguments = 1,
-     .exact = exact_acos,
-     .segments = BOTH_SIGNS(ONE, ONE),
-     .a = {{0}, {0x1p-60, 1, true}},
-     .timed = {{0.001, 1, true}}},
+    {"sqrt", 1, exact_sqrt, NORMALS, POSITIVE, {NONE}, {{0.001, 1000, false}}},
+    {"rsqrt", 1, exact_rsqrt, NORMALS, POSITIVE, {NONE}, {{0.001, 1000, false}}},
+    {"exp", 1, exact_exp, BOTH_SIGNS(0x42b00000u, 0x42ae0000u), // −87 … 88
+     {NONE, {0x1p-60, 708, true}}, {NONE}, {{0.001, 10, true}}},
+    {"log", 1, exact_log, NORMALS, POSITIVE, {NONE}, {{0.001, 1000, false}}},
+    {"pow", 2, pow, {{0, 0, 0}}, {{0x1p-10, 0x1p10, false}, {0x1p-10, 0x1p10, false}},
+     {{0x1p-10, 12, true}, {0x1p-10, 100, true}}, {{0.01, 10, false}, {0.1, 10, true}}},
+    {"sin", 1, exact_sin, ANGLES, {NONE}, {{0.001, 10, true}}},
+    {"cos", 1, exact_cos, ANGLES, {NONE}, {{0.001, 10, true}}},
+    {"atan2", 2, atan2, {{0, 0, 0}}, {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}},
+     {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}}, {{0.001, 10, true}, {0.001, 10, true}}},
+    {"acos", 1, exact_acos, BOTH_SIGNS(ONE, ONE), {NONE, {0x1p-60, 1, true}}, {NONE}, {{0.001, 1, true}}},
 };
+// clang-format on
 const size_t target_count = sizeof targets / sizeof *targets;
 
 const struct target *find_target(const char *function) {

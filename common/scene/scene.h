@@ -58,6 +58,7 @@ struct shape {
     double rotation_degrees[3]; // about x, then y, then z
     double repeat[3];           // cell size per axis, 0 = not repeated
     union {
+        double sizes[3];
         struct {
             double radius;
         } sphere;

@@ -117,25 +117,12 @@ static void read_ellipsoid(struct reader *r, json_t *object, struct shape *shape
 static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
     check_keys(r, object, shape->type);
     switch ((int)shape->type) {
-    case SHAPE_SPHERE: shape->sphere.radius = reader_number(r, object, "radius", POSITIVE); break;
     case SHAPE_BOX:
         reader_vector(r, object, "half_size", POSITIVE, shape->box.half_size);
         if (json_object_get(object, "rounding"))
             shape->box.rounding = reader_number(r, object, "rounding", ROUNDING);
         if (shape->box.rounding > 0)
             shape->type = SHAPE_ROUNDED_BOX;
-        break;
-    case SHAPE_TORUS:
-        shape->torus.major_radius = reader_number(r, object, "major_radius", POSITIVE);
-        shape->torus.minor_radius = reader_number(r, object, "minor_radius", POSITIVE);
-        break;
-    case SHAPE_CONE:
-        shape->cone.bottom_radius = reader_number(r, object, "bottom_radius", POSITIVE);
-        shape->cone.top_radius = reader_number(r, object, "top_radius", POSITIVE);
-        shape->cone.half_height = reader_number(r, object, "half_height", POSITIVE);
-        break;
-    case SHAPE_OCTAHEDRON:
-        shape->octahedron.radius = reader_number(r, object, "radius", POSITIVE);
         break;
     case SHAPE_PLANE: read_plane(r, object, shape); break;
     case SHAPE_MANDELBULB:
@@ -150,16 +137,11 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
             reader_fail(r, "bailout", "%g is not in 4 to 10000", shape->mandelbulb.bailout);
         break;
     case SHAPE_MANDELBOX: read_mandelbox(r, object, shape); break;
-    case SHAPE_CAPSULE:
-        shape->capsule.radius = reader_number(r, object, "radius", POSITIVE);
-        shape->capsule.half_height = reader_number(r, object, "half_height", POSITIVE);
-        break;
     case SHAPE_ELLIPSOID: read_ellipsoid(r, object, shape); break;
-    case SHAPE_GYROID:
-        shape->gyroid.cell = reader_number(r, object, "cell", POSITIVE);
-        shape->gyroid.thickness = reader_number(r, object, "thickness", POSITIVE);
-        break;
-    default: break;
+    case SHAPE_GROUP: break;
+    default: // positive numbers, in the order of struct shape
+        for (int i = 0; FILE_KEYS[shape->type][i]; i++)
+            shape->sizes[i] = reader_number(r, object, FILE_KEYS[shape->type][i], POSITIVE);
     }
 }
 

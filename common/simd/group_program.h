@@ -76,9 +76,9 @@ static vreal fold(const struct node *node, const vreal *value, vreal *least, vre
 // Mixes the children's surfaces into the first one's place by the weights of fold(). A sharp operation takes the
 // first child of the least value.
 static void fold_surfaces(const struct node *node, const vreal *value, vreal least, vreal tau,
-                          struct surface *surface) {
+                          struct materials *surface) {
     vreal zero = v_splat(0.0f);
-    struct surface mixed = {{zero, zero, zero}, zero, zero};
+    struct materials mixed = {{zero, zero, zero}, zero, zero};
     vmask decided = v_mask_none();
     for (int i = 0; i < node->children; i++) {
         COUNT(fold_surfaces, child);
@@ -137,15 +137,15 @@ static vreal modified(const struct node *node, struct vec p, vreal f) {
     return f - v_splat(node->offset);
 }
 
-static struct surface surface_of(const struct material *m) {
-    return (struct surface){vec_from_doubles(m->color), v_splat(m->reflectivity),
-                            v_splat(m->shininess)};
+static struct materials surface_of(const struct material *m) {
+    return (struct materials){vec_from_doubles(m->color), v_splat(m->reflectivity),
+                              v_splat(m->shininess)};
 }
 
 // Runs the program at points of the group's frame. `surfaces`, unless NULL, gets the materials at its start, and
 // has room for one of each value.
 static vreal run(struct vec p, const struct primitive *group, const struct material *materials,
-                 struct surface *surfaces) {
+                 struct materials *surfaces) {
     struct vec frame[MAX_FRAMES];
     vreal value[MAX_VALUES], least, tau;
     int top = -1;

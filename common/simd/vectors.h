@@ -2,6 +2,7 @@
 // because contraction is off (-ffp-contract=off). Part of simd.h.
 #pragma once
 
+typedef float real;
 typedef vfloat vreal;
 #include "simd/vec.h"
 

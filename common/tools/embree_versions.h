@@ -74,29 +74,18 @@ static inline bool ray_stream_create(struct ray_stream *s, RTCDevice device, siz
         return false;
     float *f = s->reals;
     unsigned *w = s->words;
-    s->all.ray = (struct RTCRayNp){
-        .org_x = f,
-        .org_y = f + room,
-        .org_z = f + 2 * room,
-        .tnear = f + 3 * room,
-        .dir_x = f + 4 * room,
-        .dir_y = f + 5 * room,
-        .dir_z = f + 6 * room,
-        .time = f + 7 * room,
-        .tfar = f + 8 * room,
-        .mask = w,
-        .id = w + room,
-        .flags = w + 2 * room,
-    };
-    s->all.hit = (struct RTCHitNp){
-        .Ng_x = f + 9 * room,
-        .Ng_y = f + 10 * room,
-        .Ng_z = f + 11 * room,
-        .u = f + 12 * room,
-        .v = f + 13 * room,
-        .primID = w + 3 * room,
-        .geomID = w + 4 * room,
-        .instID = {w + 5 * room},
+    size_t n = room;
+    s->all = (struct RTCRayHitNp){
+        .ray = {f, f + n, f + 2 * n, f + 3 * n, f + 4 * n, f + 5 * n, f + 6 * n, f + 7 * n,
+                f + 8 * n, w, w + n, w + 2 * n},
+        .hit = {f + 9 * n,
+                f + 10 * n,
+                f + 11 * n,
+                f + 12 * n,
+                f + 13 * n,
+                w + 3 * n,
+                w + 4 * n,
+                {w + 5 * n}},
     };
     return true;
 }

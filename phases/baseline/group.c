@@ -59,7 +59,6 @@ CALL struct vec3 place_point(struct vec3 p, const struct shape *shape) {
     return cell[0] > 0 || cell[1] > 0 || cell[2] > 0 ? repeat_point(p, cell) : p;
 }
 
-// The point in the node's frame.
 CALL struct vec3 node_point(struct vec3 p, const struct node *node) {
     COUNT(node_point, call);
     p = place_point(p, &node->shape);

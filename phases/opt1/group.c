@@ -39,7 +39,6 @@ static inline void turn(double *u, double *v, double c, double s) {
     *v = s * old + c * *v;
 }
 
-// The point in the node's frame.
 static inline void node_point(const double *p, const struct group_node *made, double *q) {
     COUNT(node_point, call);
     const struct shape *shape = &made->node.shape;

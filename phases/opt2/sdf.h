@@ -10,6 +10,8 @@
 #include "scene/scene.h"
 #include "vec.h"
 
+typedef double real;
+
 // A shape with only what the march evaluates, prepared once per scene.
 struct primitive {
     enum shape_type type;
@@ -17,59 +19,10 @@ struct primitive {
     double position[3];
     double rotation[3][3]; // rows: the three rotations as one matrix
     double cell[3], inv_cell[3];
-    union { // sizes, by type
-        struct {
-            double radius;
-        } sphere;
-        struct {
-            double half_size[3], rounding;
-        } box; // and rounded box
-        struct {
-            double major_radius, minor_radius;
-        } torus;
-        struct {
-            double bottom_radius, top_radius, half_height;
-            double side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;                          // and capsule: bottom_radius, half_height
-        struct {
-            double radius;
-        } octahedron;
-        struct {
-            double normal[3], offset;
-        } plane;
-        struct {
-            double bailout;
-            int iterations;
-        } mandelbulb;
-        struct {
-            double scale, fold_limit, inner_sq, outer_sq; // squares of the radii
-            int iterations;
-        } mandelbox;
-        struct {
-            double inv_radii[3], least;
-        } ellipsoid;
-        struct {
-            double frequency, scale, half_thickness;
-        } gyroid;
-        struct {
-            const struct instruction *program;
-            int length;
-            double inv_lipschitz;
-        } group;
-    };
+#include "scene/primitive_sizes.h"
 };
 
-// A step of a group's program.
-enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
-
-enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
-
-struct instruction {
-    enum opcode opcode;
-    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
-    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
-    const struct node *node;
-};
+#include "scene/instruction.h" // needs struct primitive
 
 struct prepared {
     struct model model;

@@ -36,9 +36,9 @@ struct closest closest_group(struct vec p, const struct prepared *scene, struct 
     return least;
 }
 
-struct surface group_surface(struct vec point, const struct primitive *group,
-                             const struct model *model) {
-    struct surface surfaces[MAX_VALUES];
+struct materials group_surface(struct vec point, const struct primitive *group,
+                               const struct model *model) {
+    struct materials surfaces[MAX_VALUES];
     run(apply_transform(point, group), group, model->materials, surfaces);
     return surfaces[0];
 }

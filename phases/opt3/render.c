@@ -1,27 +1,12 @@
 // The phase's entry points (common/phase.h) and its loop over pixels: four neighbours of a row at a
 // time, one ray through the centre of each. A mask cuts the last packet of a row to the width.
-#include <stdlib.h>
-
 #include "phase.h"
 #include "scene/vector.h"
 #include "trace.h"
 
-// The solids that stand in groups alone.
-static void set_group_solid(const struct shape *shape, struct primitive *p) {
-    const double *r = shape->ellipsoid.radius;
-    if (shape->type == SHAPE_CAPSULE) {
-        p->cone.bottom_radius = shape->capsule.radius;
-        p->cone.half_height = shape->capsule.half_height;
-    } else if (shape->type == SHAPE_ELLIPSOID) {
-        p->ellipsoid.least = fmin(r[0], fmin(r[1], r[2]));
-        for (int i = 0; i < 3; i++)
-            p->ellipsoid.inv_radii[i] = 1.0 / r[i];
-    } else {
-        p->gyroid.frequency = 2.0 * M_PI / shape->gyroid.cell;
-        p->gyroid.scale = 1.0 / (sqrt(3.0) * p->gyroid.frequency);
-        p->gyroid.half_thickness = 0.5 * shape->gyroid.thickness;
-    }
-}
+#include "scene/prepare_once.h" // needs trace.h
+
+#include "scene/shape_sizes.h" // needs trace.h
 
 static struct primitive make_primitive(int index, const struct shape *shape) {
     struct primitive p = {.type = shape->type, .index = index};
@@ -33,48 +18,7 @@ static struct primitive make_primitive(int index, const struct shape *shape) {
         p.cell[i] = shape->repeat[i];
         p.inv_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
     }
-    switch (shape->type) {
-    case SHAPE_SPHERE: p.sphere.radius = shape->sphere.radius; break;
-    case SHAPE_BOX: memcpy(p.box.half_size, shape->box.half_size, sizeof p.box.half_size); break;
-    case SHAPE_ROUNDED_BOX:
-        memcpy(p.box.half_size, shape->box.half_size, sizeof p.box.half_size);
-        p.box.rounding = shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.torus.major_radius = shape->torus.major_radius;
-        p.torus.minor_radius = shape->torus.minor_radius;
-        break;
-    case SHAPE_CONE:
-        p.cone.bottom_radius = shape->cone.bottom_radius;
-        p.cone.top_radius = shape->cone.top_radius;
-        p.cone.half_height = shape->cone.half_height;
-        p.cone.side[0] = p.cone.top_radius - p.cone.bottom_radius;
-        p.cone.side[1] = 2.0 * p.cone.half_height;
-        p.cone.inv_side_sq =
-            1.0 / (p.cone.side[0] * p.cone.side[0] + p.cone.side[1] * p.cone.side[1]);
-        break;
-    case SHAPE_OCTAHEDRON: p.octahedron.radius = shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        memcpy(p.plane.normal, shape->plane.normal, sizeof p.plane.normal);
-        p.plane.offset = shape->plane.offset;
-        break;
-    case SHAPE_MANDELBOX:
-        p.mandelbox.scale = shape->mandelbox.scale;
-        p.mandelbox.stretch = fabs(shape->mandelbox.scale);
-        p.mandelbox.fold_limit = shape->mandelbox.fold_limit;
-        p.mandelbox.inner_sq = shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius;
-        p.mandelbox.outer_sq = shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius;
-        p.mandelbox.iterations = shape->mandelbox.iterations;
-        break;
-    case SHAPE_CAPSULE:
-    case SHAPE_ELLIPSOID:
-    case SHAPE_GYROID: set_group_solid(shape, &p); break;
-    case SHAPE_GROUP: break; // group_compile()
-    default:
-        p.mandelbulb.bailout = shape->mandelbulb.bailout;
-        p.mandelbulb.iterations = shape->mandelbulb.iterations;
-        break;
-    }
+    set_sizes(shape, &p);
     return p;
 }
 
@@ -92,24 +36,6 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
             next = group_compile(model, shape->group.root, &prepared->primitives[i], next);
     }
     return true;
-}
-
-struct prepared *phase_prepare(const struct model *model, int threads) {
-    (void)threads; // one
-    size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
-    struct prepared *prepared =
-        calloc(1, sizeof *prepared + shapes * sizeof *prepared->primitives +
-                      nodes * INSTRUCTIONS_PER_NODE * sizeof *prepared->instructions);
-    if (!prepared)
-        return NULL;
-    prepared->primitives = (struct primitive *)(prepared + 1);
-    prepared->instructions = (struct instruction *)(prepared->primitives + shapes);
-    phase_update(prepared, model);
-    return prepared;
-}
-
-void phase_release(struct prepared *prepared) {
-    free(prepared);
 }
 
 // Unit directions of the rays through the centres of four pixels of a row.

@@ -19,47 +19,7 @@ struct primitive {
     double position[3];
     double rotation[3][3]; // rows: the three rotations as one matrix
     double cell[3], inv_cell[3];
-    union { // sizes, by type
-        struct {
-            double radius;
-        } sphere;
-        struct {
-            double half_size[3], rounding;
-        } box; // and rounded box
-        struct {
-            double major_radius, minor_radius;
-        } torus;
-        struct {
-            double bottom_radius, top_radius, half_height;
-            double side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;                          // and capsule: bottom_radius, half_height
-        struct {
-            double radius;
-        } octahedron;
-        struct {
-            double normal[3], offset;
-        } plane;
-        struct {
-            double bailout;
-            int iterations;
-        } mandelbulb;
-        struct {
-            double scale, stretch, fold_limit; // stretch: |scale|
-            double inner_sq, outer_sq;         // squares of the radii
-            int iterations;
-        } mandelbox;
-        struct {
-            double inv_radii[3], least;
-        } ellipsoid;
-        struct {
-            double frequency, scale, half_thickness;
-        } gyroid;
-        struct {
-            const struct instruction *program;
-            int length;
-            double inv_lipschitz;
-        } group;
-    };
+#include "scene/primitive_sizes.h"
 };
 
 struct prepared {
@@ -102,55 +62,10 @@ static inline struct vec apply_transform(struct vec point, const struct primitiv
     return p;
 }
 
-static inline vdouble sdf_sphere(struct vec p, const struct primitive *s) {
-    COUNT(sdf_sphere, call);
-    return vec_norm(p) - v_splat(s->sphere.radius);
-}
-
-static inline vdouble sdf_plane(struct vec p, const struct primitive *s) {
-    COUNT(sdf_plane, call);
-    return vec_dot(p, vec_set(s->plane.normal)) - v_splat(s->plane.offset);
-}
-
-static inline vdouble sdf_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_box, call);
-    vdouble zero = v_splat(0.0);
-    vdouble x = v_abs(p.x) - v_splat(s->box.half_size[0]);
-    vdouble y = v_abs(p.y) - v_splat(s->box.half_size[1]);
-    vdouble z = v_abs(p.z) - v_splat(s->box.half_size[2]);
-    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
-    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
-}
-
-static inline vdouble sdf_rounded_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - v_splat(s->box.rounding);
-}
-
-static inline vdouble sdf_torus(struct vec p, const struct primitive *s) {
-    COUNT(sdf_torus, call);
-    vdouble ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->torus.major_radius);
-    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->torus.minor_radius);
-}
-
-static inline vdouble sdf_cone(struct vec p, const struct primitive *s) {
-    COUNT(sdf_cone, call);
-    vdouble zero = v_splat(0.0), one = v_splat(1.0);
-    vdouble radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
-    // (x, y): from the top rim.
-    vdouble x = radius - v_splat(s->cone.top_radius), y = p.y - v_splat(s->cone.half_height);
-    vdouble rim =
-        v_select(v_cmp_lt(p.y, zero), v_splat(s->cone.bottom_radius), v_splat(s->cone.top_radius));
-    vdouble cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->cone.half_height);
-    vdouble across = v_madd(x, v_splat(s->cone.side[0]), y * v_splat(s->cone.side[1]));
-    vdouble along = v_min(v_max(across * v_splat(-s->cone.inv_side_sq), zero), one);
-    vdouble side_x = v_madd(v_splat(s->cone.side[0]), along, x);
-    vdouble side_y = v_madd(v_splat(s->cone.side[1]), along, y);
-    vmask inside = v_both_negative(side_x, cap_y);
-    vdouble square =
-        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
-    return v_negate_where(inside, v_sqrt(square));
-}
+// Cold: inlined, it takes registers from the marches of other shapes (scene0 5 %).
+__attribute__((noinline, cold)) static vdouble sdf_mandelbox(struct vec p,
+                                                             const struct primitive *s);
+#include "packet/distances.h"
 
 static inline vdouble sdf_octahedron(struct vec point, const struct primitive *s) {
     COUNT(sdf_octahedron, call);
@@ -205,31 +120,6 @@ static inline vdouble sdf_mandelbulb(struct vec p, const struct primitive *s, vm
     // The division does not depend on the logarithm, so both run at once.
     vdouble distance = v_splat(0.25) * v_sqrt(m) / dz * log_of(m);
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0)), distance); // √m·ln m → 0 at the centre
-}
-
-// x reflected at the nearer of ±limit where it is beyond.
-static inline vdouble folded(vdouble x, vdouble limit) {
-    return v_msub(v_splat(2.0), v_min(v_max(x, -limit), limit), x);
-}
-
-// The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius,
-// scales it and adds p. dr is the most by which the iterations stretch a distance. Cold: inlined, it takes
-// registers from the marches of other shapes (scene0 5 %).
-__attribute__((noinline, cold)) static vdouble sdf_mandelbox(struct vec p,
-                                                             const struct primitive *s) {
-    COUNT(sdf_mandelbox, call);
-    vdouble limit = v_splat(s->mandelbox.fold_limit), outer_sq = v_splat(s->mandelbox.outer_sq);
-    vdouble one = v_splat(1.0), dr = one;
-    struct vec w = p;
-    for (int i = 0; i < s->mandelbox.iterations; i++) {
-        COUNT(sdf_mandelbox, iteration);
-        w = (struct vec){folded(w.x, limit), folded(w.y, limit), folded(w.z, limit)};
-        vdouble norm_sq = v_min(v_max(vec_dot(w, w), v_splat(s->mandelbox.inner_sq)), outer_sq);
-        vdouble inversion = outer_sq / norm_sq;
-        w = vec_along(p, w, v_splat(s->mandelbox.scale) * inversion);
-        dr = v_madd(v_splat(s->mandelbox.stretch) * inversion, dr, one);
-    }
-    return vec_norm(w) / dr;
 }
 
 __attribute__((always_inline)) static inline vdouble

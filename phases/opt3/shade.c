@@ -3,38 +3,17 @@
 #include "trace.h"
 
 // The surfaces with those of hits on groups in their lanes.
-static struct surface group_surfaces(vdouble shape, struct vec p, vmask found,
-                                     const struct prepared *scene, struct surface surface) {
+static struct materials group_surfaces(vdouble shape, struct vec p, vmask found,
+                                       const struct prepared *scene, struct materials surface) {
     for (int i = 0; i < scene->model.shape_count; i++) {
         vdouble index = v_splat(scene->primitives[i].index);
         vmask same = v_andnot(v_or(v_cmp_lt(shape, index), v_cmp_gt(shape, index)), found);
         if (scene->primitives[i].type != SHAPE_GROUP || !v_any(same))
             continue;
-        struct surface mixed = group_surface(p, &scene->primitives[i], &scene->model);
-        surface.color = vec_select(same, mixed.color, surface.color);
-        surface.reflectivity = v_select(same, mixed.reflectivity, surface.reflectivity);
-        surface.shininess = v_select(same, mixed.shininess, surface.shininess);
+        struct materials mixed = group_surface(p, &scene->primitives[i], &scene->model);
+        mix_materials(same, &mixed, &surface);
     }
     return surface;
-}
-
-static struct surface gather_surface(vdouble shape, struct vec p, vmask found,
-                                     const struct prepared *scene) {
-    const struct model *model = &scene->model;
-    double id[LANES], values[5][LANES];
-    _mm256_storeu_pd(id, v_select(found, shape, v_splat(0.0)));
-    for (int lane = 0; lane < LANES; lane++) {
-        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
-        for (int i = 0; i < 3; i++)
-            values[i][lane] = m->color[i];
-        values[3][lane] = m->reflectivity;
-        values[4][lane] = m->shininess;
-    }
-    struct surface surface = {
-        {_mm256_loadu_pd(values[0]), _mm256_loadu_pd(values[1]), _mm256_loadu_pd(values[2])},
-        _mm256_loadu_pd(values[3]),
-        _mm256_loadu_pd(values[4])};
-    return model->features.groups ? group_surfaces(shape, p, found, scene, surface) : surface;
 }
 
 // The unit normal by forward differences of the scene's distance, on the side of the incoming ray.
@@ -61,7 +40,7 @@ static struct vec normal_at(struct vec p, struct vec direction, vmask found,
 
 // The light from the hits towards the camera: ambient, diffuse and specular.
 static struct vec light_at(struct vec p, struct vec n, struct vec direction, vmask found,
-                           const struct surface *surface, const struct world *world) {
+                           const struct materials *surface, const struct world *world) {
     COUNT(light_at, call);
     vdouble zero = v_splat(0.0);
     struct vec albedo = surface->color;
@@ -79,17 +58,10 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, vma
     COUNT(light_at, lit);
     vdouble attenuation = shadow(p, to_light, distance, lit, world->scene) / distance;
     ACTIVE(v_count(lit));
-    // The reflection of the direction to the light, which is minus the paper's R.
-    vdouble cos_mirror = vec_dot(vec_reflect(to_light, n), direction);
-    vdouble specular =
-        v_splat(0.2) * power_of(v_max(cos_mirror, v_splat(1e-300)), surface->shininess);
-    specular = v_select_or_zero(v_cmp_gt(cos_mirror, zero), specular);
     struct vec emission = vec_set(world->view->light_emission);
-    struct vec lit_color = {
-        v_madd(emission.x * v_madd(albedo.x, cos_light, specular), attenuation, color.x),
-        v_madd(emission.y * v_madd(albedo.y, cos_light, specular), attenuation, color.y),
-        v_madd(emission.z * v_madd(albedo.z, cos_light, specular), attenuation, color.z)};
-    return vec_select(lit, lit_color, color);
+    struct vec bright =
+        lit_color(n, direction, to_light, cos_light, attenuation, surface, emission, color);
+    return vec_select(lit, bright, color);
 }
 
 void trace(struct vec origin, struct vec direction, vmask active, int bounce,
@@ -106,7 +78,9 @@ void trace(struct vec origin, struct vec direction, vmask active, int bounce,
     ACTIVE(v_count(found));
     struct vec p = result->hit.point;
     struct vec n = normal_at(p, direction, found, world->scene);
-    struct surface surface = gather_surface(result->hit.shape, p, found, world->scene);
+    struct materials surface = materials_of(result->hit.shape, found, model);
+    if (model->features.groups)
+        surface = group_surfaces(result->hit.shape, p, found, world->scene, surface);
     struct vec color = light_at(p, n, direction, found, &surface, world);
     ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {

@@ -3,6 +3,8 @@
 
 #include "sdf.h"
 
+#include "packet/phong.h" // needs sdf.h
+
 struct world {
     const struct prepared *scene;
     const struct view *view;
@@ -16,23 +18,7 @@ struct hit {
     vdouble evals; // evaluations of the scene's distance
 };
 
-// A step of a group's program.
-enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
-
-enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
-
-struct instruction {
-    enum opcode opcode;
-    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
-    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
-    const struct node *node;
-};
-
-// The materials of four hits.
-struct surface {
-    struct vec color;
-    vdouble reflectivity, shininess;
-};
+#include "scene/instruction.h" // needs struct primitive
 
 struct shaded {
     struct vec color;
@@ -56,5 +42,5 @@ void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
 
 // group.c: the materials at points of the world.
-struct surface group_surface(struct vec point, const struct primitive *group,
-                             const struct model *model);
+struct materials group_surface(struct vec point, const struct primitive *group,
+                               const struct model *model);

@@ -1,131 +1,23 @@
 // Four rays at once: each lane of a 256-bit register belongs to one ray. A vector is three registers (a
 // structure of arrays), a condition is a mask.
-//
-// + - * / on vdouble are the compiler's operators. Fused multiply-adds are written out, because
-// contraction is off (-ffp-contract=off).
 #pragma once
 
 #include <immintrin.h>
 #include <math.h>
-#include <stdbool.h>
 
 #include "counting/flops.h"
 
 enum { LANES = 4 };
 
-typedef __m256d vdouble;
-typedef struct {
-    __m256d bits; // all bits of a lane set, or none
-} vmask;
-
-static inline vdouble v_splat(double a) {
-    return _mm256_set1_pd(a);
-}
-
-// Ordered comparisons: false where an operand is NaN.
-static inline vmask v_cmp_lt(vdouble a, vdouble b) {
-    return (vmask){_mm256_cmp_pd(a, b, _CMP_LT_OQ)};
-}
-
-static inline vmask v_cmp_gt(vdouble a, vdouble b) {
-    return (vmask){_mm256_cmp_pd(a, b, _CMP_GT_OQ)};
-}
-
-static inline vmask v_mask_none(void) {
-    return (vmask){_mm256_setzero_pd()};
-}
-
-static inline vmask v_and(vmask a, vmask b) {
-    return (vmask){_mm256_and_pd(a.bits, b.bits)};
-}
-
-static inline vmask v_or(vmask a, vmask b) {
-    return (vmask){_mm256_or_pd(a.bits, b.bits)};
-}
-
-// b where not a.
-static inline vmask v_andnot(vmask a, vmask b) {
-    return (vmask){_mm256_andnot_pd(a.bits, b.bits)};
-}
-
-static inline vmask v_not(vmask a) {
-    return (vmask){_mm256_xor_pd(a.bits, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)))};
-}
-
-// Bit i is lane i.
-static inline unsigned v_mask_bits(vmask a) {
-    return (unsigned)_mm256_movemask_pd(a.bits);
-}
-
-static inline bool v_any(vmask a) {
-    return v_mask_bits(a) != 0;
-}
-
-static inline bool v_all(vmask a) {
-    return v_mask_bits(a) == (1u << LANES) - 1;
-}
-
-// The number of lanes in a mask. Only counting builds call it.
-static inline int v_count(vmask a) {
-    return __builtin_popcount(v_mask_bits(a));
-}
-
-static inline vdouble v_select(vmask m, vdouble yes, vdouble no) {
-    return _mm256_blendv_pd(no, yes, m.bits);
-}
-
-static inline vdouble v_select_or_zero(vmask m, vdouble a) {
-    return _mm256_and_pd(a, m.bits);
-}
-
-static inline vdouble v_zero_where(vmask m, vdouble a) {
-    return _mm256_andnot_pd(m.bits, a);
-}
-
-static inline vdouble v_min(vdouble a, vdouble b) {
-    return _mm256_min_pd(a, b);
-}
-
-static inline vdouble v_max(vdouble a, vdouble b) {
-    return _mm256_max_pd(a, b);
-}
-
-static inline vdouble v_abs(vdouble a) { // clears the sign bit
-    return _mm256_andnot_pd(v_splat(-0.0), a);
-}
-
-static inline vdouble v_floor(vdouble a) {
-    return _mm256_floor_pd(a);
-}
-
-// The lanes where both numbers have their sign bit set. Only the sign bits of this mask are valid:
-// it is for v_negate_where alone.
-static inline vmask v_both_negative(vdouble a, vdouble b) {
-    return (vmask){_mm256_and_pd(a, b)};
-}
-
-static inline vdouble v_negate_where(vmask m, vdouble a) {
-    return _mm256_xor_pd(a, _mm256_and_pd(m.bits, v_splat(-0.0)));
-}
+typedef double real;
+typedef __m256d vdouble, vreal;
+#define AVX(name) _mm256_##name##_pd
+#include "simd/avx2.h"
 
 static inline vdouble v_sqrt(vdouble a) {
     return _mm256_sqrt_pd(a);
 }
 
-// a·b + c, rounded once; v_nmadd: c − a·b; v_msub: a·b − c.
-static inline vdouble v_madd(vdouble a, vdouble b, vdouble c) {
-    return _mm256_fmadd_pd(a, b, c);
-}
-
-static inline vdouble v_nmadd(vdouble a, vdouble b, vdouble c) {
-    return _mm256_fnmadd_pd(a, b, c);
-}
-
-static inline vdouble v_msub(vdouble a, vdouble b, vdouble c) {
-    return _mm256_fmsub_pd(a, b, c);
-}
-
-typedef vdouble vreal;
 #include "simd/vec.h"
 
 static inline struct vec vec_set(const double *a) {
@@ -217,3 +109,5 @@ static inline vdouble sin_of(vdouble a) {
 static inline vdouble cos_of(vdouble a) {
     return sin_of(a + v_splat(0.5 * M_PI));
 }
+
+#define v_pow power_of // as packet/phong.h calls it

@@ -26,9 +26,9 @@ vfloat sdf_group(struct vec p, const struct primitive *group) {
     return run(p, group, NULL, NULL) * v_splat(group->group.inv_lipschitz);
 }
 
-struct surface group_surface(struct vec p, const struct primitive *group,
-                             const struct model *model) {
-    struct surface surfaces[MAX_VALUES];
+struct materials group_surface(struct vec p, const struct primitive *group,
+                               const struct model *model) {
+    struct materials surfaces[MAX_VALUES];
     run(p, group, model->materials, surfaces);
     return surfaces[0];
 }

@@ -6,21 +6,6 @@ struct local_ray;
 struct prepared;
 struct primitive;
 
-// Sizes of solids that stand in groups alone.
-struct ellipsoid {
-    float inv_radii[3], least;
-};
-
-struct gyroid {
-    float frequency, scale, half_thickness;
-};
-
-struct group {
-    const struct instruction *program;
-    int length;
-    float inv_lipschitz, extent; // extent: of the sphere about it
-};
-
 struct closest {
     vfloat distance, shape;
 };

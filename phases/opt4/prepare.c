@@ -5,6 +5,8 @@
 #include "scene/vector.h"
 #include "trace.h"
 
+#include "scene/shape_sizes.h" // needs trace.h
+
 static void to_floats(const double from[3], float to[3]) {
     for (int i = 0; i < 3; i++)
         to[i] = (float)from[i];
@@ -45,34 +47,6 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
     return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
 }
 
-static void set_mandelbox(const struct shape *shape, struct primitive *p) {
-    p->mandelbox.scale = (float)shape->mandelbox.scale;
-    p->mandelbox.stretch = (float)fabs(shape->mandelbox.scale);
-    p->mandelbox.fold_limit = (float)shape->mandelbox.fold_limit;
-    p->mandelbox.inner_sq =
-        (float)(shape->mandelbox.minimum_radius * shape->mandelbox.minimum_radius);
-    p->mandelbox.outer_sq = (float)(shape->mandelbox.fixed_radius * shape->mandelbox.fixed_radius);
-    p->mandelbox.iterations = shape->mandelbox.iterations;
-}
-
-// The solids that stand in groups alone.
-static void set_group_solid(const struct shape *shape, struct primitive *p) {
-    const double *r = shape->ellipsoid.radius;
-    if (shape->type == SHAPE_CAPSULE) {
-        p->cone.bottom_radius = (float)shape->capsule.radius;
-        p->cone.half_height = (float)shape->capsule.half_height;
-    } else if (shape->type == SHAPE_ELLIPSOID) {
-        p->ellipsoid.least = (float)fmin(r[0], fmin(r[1], r[2]));
-        for (int i = 0; i < 3; i++)
-            p->ellipsoid.inv_radii[i] = (float)(1.0 / r[i]);
-    } else {
-        double frequency = 2.0 * M_PI / shape->gyroid.cell;
-        p->gyroid.frequency = (float)frequency;
-        p->gyroid.scale = (float)(1.0 / (sqrt(3.0) * frequency));
-        p->gyroid.half_thickness = (float)(0.5 * shape->gyroid.thickness);
-    }
-}
-
 static struct primitive make_primitive(int index, const struct shape *shape,
                                        const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
@@ -90,43 +64,7 @@ static struct primitive make_primitive(int index, const struct shape *shape,
     }
     p.eval = eval_kind_of(shape, p.repeated, limits);
     set_local_frame(&p, shape, rotation);
-    switch (shape->type) {
-    case SHAPE_SPHERE: p.sphere.radius = (float)shape->sphere.radius; break;
-    case SHAPE_BOX: to_floats(shape->box.half_size, p.box.half_size); break;
-    case SHAPE_ROUNDED_BOX:
-        to_floats(shape->box.half_size, p.box.half_size);
-        p.box.rounding = (float)shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.torus.major_radius = (float)shape->torus.major_radius;
-        p.torus.minor_radius = (float)shape->torus.minor_radius;
-        break;
-    case SHAPE_CONE: {
-        double across = shape->cone.top_radius - shape->cone.bottom_radius;
-        double up = 2.0 * shape->cone.half_height;
-        p.cone.bottom_radius = (float)shape->cone.bottom_radius;
-        p.cone.top_radius = (float)shape->cone.top_radius;
-        p.cone.half_height = (float)shape->cone.half_height;
-        p.cone.side[0] = (float)across;
-        p.cone.side[1] = (float)up;
-        p.cone.inv_side_sq = (float)(1.0 / (across * across + up * up));
-        break;
-    }
-    case SHAPE_OCTAHEDRON: p.octahedron.radius = (float)shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        to_floats(shape->plane.normal, p.plane.normal);
-        p.plane.offset = (float)shape->plane.offset;
-        break;
-    case SHAPE_MANDELBOX: set_mandelbox(shape, &p); break;
-    case SHAPE_CAPSULE:
-    case SHAPE_ELLIPSOID:
-    case SHAPE_GYROID: set_group_solid(shape, &p); break;
-    case SHAPE_GROUP: break; // group_compile()
-    default:
-        p.mandelbulb.bailout = (float)shape->mandelbulb.bailout;
-        p.mandelbulb.iterations = shape->mandelbulb.iterations;
-        break;
-    }
+    set_sizes(shape, &p);
     return p;
 }
 

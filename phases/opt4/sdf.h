@@ -30,39 +30,7 @@ struct primitive {
     float rotation[3][3]; // rows: the three rotations as one matrix
     float cell[3], inv_cell[3];
     float normal[3]; // LINEAR: in world axes
-    union {          // sizes, by type
-        struct {
-            float radius, radius_sq;
-        } sphere;
-        struct {
-            float half_size[3], rounding;
-        } box; // and rounded box
-        struct {
-            float major_radius, minor_radius;
-        } torus;
-        struct {
-            float bottom_radius, top_radius, half_height;
-            float side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
-        } cone;                         // and capsule: bottom_radius, half_height
-        struct {
-            float radius;
-        } octahedron;
-        struct {
-            float normal[3], offset;
-        } plane;
-        struct {
-            float bailout;
-            int iterations;
-        } mandelbulb;
-        struct {
-            float scale, stretch, fold_limit; // stretch: |scale|
-            float inner_sq, outer_sq;         // squares of the radii
-            int iterations;
-        } mandelbox;
-        struct ellipsoid ellipsoid;
-        struct gyroid gyroid;
-        struct group group;
-    };
+#include "scene/primitive_sizes.h"
     // In double, for a ray's origin: it is moved into the shape's frame and then rounded once.
     // `row` holds the rows of the rotation matrix. LINEAR: row[0] is the normal in world axes.
     double centre[3], row[3][3], offset, radius_sq, cell_double[3], inv_cell_double[3];
@@ -206,61 +174,14 @@ static inline void local_ray_advance(vfloat by, const struct prepared *scene,
     }
 }
 
-static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
-    COUNT(sdf_sphere, call);
-    return vec_norm(p) - v_splat(s->sphere.radius);
-}
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s);
+#include "packet/distances.h"
 
 // |p| − r as (|p|² − r²)/(|p| + r). For a sphere of a planet's size, |p| − r would cancel to nothing.
 static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
     COUNT(sdf_power, call);
     return power / (v_sqrt(v_max(power + v_splat(s->sphere.radius_sq), v_splat(0.0f))) +
                     v_splat(s->sphere.radius));
-}
-
-static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
-    COUNT(sdf_plane, call);
-    return vec_dot(p, vec_set(s->plane.normal)) - v_splat(s->plane.offset);
-}
-
-static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_box, call);
-    vfloat zero = v_splat(0.0f);
-    vfloat x = v_abs(p.x) - v_splat(s->box.half_size[0]);
-    vfloat y = v_abs(p.y) - v_splat(s->box.half_size[1]);
-    vfloat z = v_abs(p.z) - v_splat(s->box.half_size[2]);
-    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
-    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
-}
-
-static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
-    COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - v_splat(s->box.rounding);
-}
-
-static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
-    COUNT(sdf_torus, call);
-    vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->torus.major_radius);
-    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->torus.minor_radius);
-}
-
-static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
-    COUNT(sdf_cone, call);
-    vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
-    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
-    // (x, y): from the top rim.
-    vfloat x = radius - v_splat(s->cone.top_radius), y = p.y - v_splat(s->cone.half_height);
-    vfloat rim =
-        v_select(v_cmp_lt(p.y, zero), v_splat(s->cone.bottom_radius), v_splat(s->cone.top_radius));
-    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->cone.half_height);
-    vfloat across = v_madd(x, v_splat(s->cone.side[0]), y * v_splat(s->cone.side[1]));
-    vfloat along = v_min(v_max(across * v_splat(-s->cone.inv_side_sq), zero), one);
-    vfloat side_x = v_madd(v_splat(s->cone.side[0]), along, x);
-    vfloat side_y = v_madd(v_splat(s->cone.side[1]), along, y);
-    vmask inside = v_both_negative(side_x, cap_y);
-    vfloat square =
-        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
-    return v_negate_where(inside, v_sqrt(square));
 }
 
 static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
@@ -328,8 +249,6 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     ACTIVE(LANES - v_count(done));
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
-
-#include "mandelbox.h"
 
 // The shape's distance at a point of its frame. Precondition: p lies in the central cell if the
 // shape is repeated.

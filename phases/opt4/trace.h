@@ -4,6 +4,8 @@
 #include "frame/frame.h"
 #include "sdf.h"
 
+#include "packet/phong.h" // needs sdf.h
+
 struct world {
     const struct prepared *scene;
     const struct view *view;
@@ -19,23 +21,7 @@ struct hit {
     vfloat evals;      // evaluations of the scene's distance
 };
 
-// A step of a group's program.
-enum opcode { TO_FRAME, TWIST, LEAF, FOLD, MODIFY };
-
-enum { INSTRUCTIONS_PER_NODE = 4 }; // at most
-
-struct instruction {
-    enum opcode opcode;
-    int frame;                  // whose point it reads; TO_FRAME and TWIST write the next one
-    struct primitive primitive; // TO_FRAME: transform; LEAF: sizes too
-    const struct node *node;
-};
-
-// The materials of eight hits.
-struct surface {
-    struct vec color;
-    vfloat reflectivity, shininess;
-};
+#include "scene/instruction.h" // needs struct primitive
 
 struct shaded {
     struct vec color;
@@ -85,5 +71,5 @@ struct local_ray *new_local_rays(const struct prepared *prepared);
 struct vec vec_from_doubles(const double a[3]);
 
 // group.c: the materials at points of the group's frame.
-struct surface group_surface(struct vec p, const struct primitive *group,
-                             const struct model *model);
+struct materials group_surface(struct vec p, const struct primitive *group,
+                               const struct model *model);

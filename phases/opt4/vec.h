@@ -1,115 +1,21 @@
 // Eight rays at once: each lane of a 256-bit register belongs to one ray. A vector is three registers (a
 // structure of arrays), a condition is a mask.
-//
-// + - * / on vfloat are the compiler's operators. Fused multiply-adds are written out, because
-// contraction is off (-ffp-contract=off).
 #pragma once
 
 #include <immintrin.h>
 #include <math.h>
-#include <stdbool.h>
 
 #include "counting/flops.h"
 
 enum { LANES = 8 };
 
-typedef __m256 vfloat;
-typedef struct {
-    __m256 bits; // all bits of a lane set, or none
-} vmask;
-
-static inline vfloat v_splat(float a) {
-    return _mm256_set1_ps(a);
-}
-
-// Ordered comparisons: false where an operand is NaN.
-static inline vmask v_cmp_lt(vfloat a, vfloat b) {
-    return (vmask){_mm256_cmp_ps(a, b, _CMP_LT_OQ)};
-}
-
-static inline vmask v_cmp_gt(vfloat a, vfloat b) {
-    return (vmask){_mm256_cmp_ps(a, b, _CMP_GT_OQ)};
-}
+typedef float real;
+typedef __m256 vfloat, vreal;
+#define AVX(name) _mm256_##name##_ps
+#include "simd/avx2.h"
 
 static inline vmask v_cmp_ge(vfloat a, vfloat b) {
     return (vmask){_mm256_cmp_ps(a, b, _CMP_GE_OQ)};
-}
-
-static inline vmask v_mask_none(void) {
-    return (vmask){_mm256_setzero_ps()};
-}
-
-static inline vmask v_and(vmask a, vmask b) {
-    return (vmask){_mm256_and_ps(a.bits, b.bits)};
-}
-
-static inline vmask v_or(vmask a, vmask b) {
-    return (vmask){_mm256_or_ps(a.bits, b.bits)};
-}
-
-// b where not a.
-static inline vmask v_andnot(vmask a, vmask b) {
-    return (vmask){_mm256_andnot_ps(a.bits, b.bits)};
-}
-
-static inline vmask v_not(vmask a) {
-    return (vmask){_mm256_xor_ps(a.bits, _mm256_castsi256_ps(_mm256_set1_epi32(-1)))};
-}
-
-// Bit i is lane i.
-static inline unsigned v_mask_bits(vmask a) {
-    return (unsigned)_mm256_movemask_ps(a.bits);
-}
-
-static inline bool v_any(vmask a) {
-    return v_mask_bits(a) != 0;
-}
-
-static inline bool v_all(vmask a) {
-    return v_mask_bits(a) == (1u << LANES) - 1;
-}
-
-// The number of lanes in a mask. Only counting builds call it.
-static inline int v_count(vmask a) {
-    return __builtin_popcount(v_mask_bits(a));
-}
-
-static inline vfloat v_select(vmask m, vfloat yes, vfloat no) {
-    return _mm256_blendv_ps(no, yes, m.bits);
-}
-
-static inline vfloat v_select_or_zero(vmask m, vfloat a) {
-    return _mm256_and_ps(a, m.bits);
-}
-
-static inline vfloat v_zero_where(vmask m, vfloat a) {
-    return _mm256_andnot_ps(m.bits, a);
-}
-
-static inline vfloat v_min(vfloat a, vfloat b) {
-    return _mm256_min_ps(a, b);
-}
-
-static inline vfloat v_max(vfloat a, vfloat b) {
-    return _mm256_max_ps(a, b);
-}
-
-static inline vfloat v_abs(vfloat a) { // clears the sign bit
-    return _mm256_andnot_ps(v_splat(-0.0f), a);
-}
-
-static inline vfloat v_floor(vfloat a) {
-    return _mm256_floor_ps(a);
-}
-
-// The lanes where both numbers have their sign bit set. Only the sign bits of this mask are valid:
-// it is for v_negate_where alone.
-static inline vmask v_both_negative(vfloat a, vfloat b) {
-    return (vmask){_mm256_and_ps(a, b)};
-}
-
-static inline vfloat v_negate_where(vmask m, vfloat a) {
-    return _mm256_xor_ps(a, _mm256_and_ps(m.bits, v_splat(-0.0f)));
 }
 
 // The magnitude of a with the sign of `from`.
@@ -121,20 +27,6 @@ static inline vfloat v_sqrt(vfloat a) {
     return _mm256_sqrt_ps(a);
 }
 
-// a·b + c, rounded once; v_nmadd: c − a·b; v_msub: a·b − c.
-static inline vfloat v_madd(vfloat a, vfloat b, vfloat c) {
-    return _mm256_fmadd_ps(a, b, c);
-}
-
-static inline vfloat v_nmadd(vfloat a, vfloat b, vfloat c) {
-    return _mm256_fnmadd_ps(a, b, c);
-}
-
-static inline vfloat v_msub(vfloat a, vfloat b, vfloat c) {
-    return _mm256_fmsub_ps(a, b, c);
-}
-
-typedef vfloat vreal;
 #include "simd/vec.h"
 
 static inline struct vec vec_set(const float *a) {
@@ -283,3 +175,5 @@ static inline vfloat sin_of(vfloat a) {
 static inline vfloat cos_of(vfloat a) {
     return sin_of(a + v_splat(1.57079633f));
 }
+
+#define v_pow power_of // as packet/phong.h calls it

@@ -8,7 +8,6 @@
 static const struct settings DEFAULTS = {
     .bits = 20, .unit = 0, .newton_steps = 0, .clear = CLEAR_CORNERS};
 
-// Renders one tile with the build of tile.c for that many lanes.
 static inline void render_tile_in_lanes(int lanes, const struct job *job, int tile,
                                         int *candidates) {
     (void)lanes; // one

@@ -8,7 +8,6 @@
 static const struct settings DEFAULTS = {
     .bits = 20, .unit = 0, .newton_steps = 3, .clear = CLEAR_LISTS};
 
-// Renders one tile with the build of tile.c for that many lanes.
 static inline void render_tile_in_lanes(int lanes, const struct job *job, int tile,
                                         int *candidates) {
     (lanes == 16 ? lanes16_render_tile : lanes8_render_tile)(job, tile, candidates);

@@ -20,7 +20,6 @@ static inline struct box box_union(struct box a, const struct box *b) {
     return a;
 }
 
-// Returns half of the box's area.
 static inline float box_area(const struct box *b) {
     float x = b->hi[0] - b->lo[0], y = b->hi[1] - b->lo[1], z = b->hi[2] - b->lo[2];
     return x >= 0 ? x * y + y * z + z * x : 0;

@@ -90,6 +90,7 @@ LAYERS = {
     "opt9_convex": (
         "core",
         "shading",
+        "march",
         "groups",
         "fields",
         "types",

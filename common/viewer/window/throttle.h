@@ -12,7 +12,6 @@ struct throttle {
     double budget_ms; // what a frame may take
 };
 
-// Returns the phase that has a throttle.
 const char *throttle_phase(void);
 // Returns the settings of the level as STEPWISE_RODS takes them.
 const char *throttle_settings(const struct throttle *throttle);

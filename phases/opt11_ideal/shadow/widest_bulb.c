@@ -4,6 +4,7 @@
 #include "shadow/bulb_slope.h"
 #include "shadow/soft_packet.h"
 #include "shadow/widest_cone.h"
+#include "types/numerics.h"
 #include "types/sdf.h"
 #include "types/tile_context.h"
 
@@ -52,14 +53,6 @@ INLINE void load_search(int first, int i, const struct tile_context *work,
     to->going = v_and(rays, v_cmp_lt(t, end));
     to->held = v_mask_bits(to->going);
     to->at = (struct bulb_search){o, d, t, end, best, v_iota() + v_splat((float)first)};
-}
-
-// Returns the lowest `count` bits that are set.
-static inline unsigned lowest_bits(unsigned bits, int count) {
-    unsigned rest = bits;
-    for (int i = 0; i < count; i++)
-        rest &= rest - 1;
-    return bits & ~rest;
 }
 
 // Stores the ratios of rays that have ended, and gives their lanes rays of `ready`, which is loaded from the queue

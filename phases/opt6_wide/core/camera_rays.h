@@ -1,7 +1,9 @@
 // The camera's rays through the pixels of a block.
 #pragma once
 
-#include "core/pixel_block.h"
+#include "simd/simd.h"
+
+#include "core/pixel_block.h" // needs simd.h
 
 // For each lane of a block: twice its column, and its row.
 static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};

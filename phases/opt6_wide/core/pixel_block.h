@@ -1,9 +1,9 @@
-// Blocks of 4 × LANES/4 pixels: the pixels of a packet. Lanes outside of the picture are masked.
+// Blocks of 4 × LANES/4 pixels: the pixels of a packet. Lanes outside of the picture are masked. simd/simd.h comes before
+// it.
 #pragma once
 
 #include "core/prepared.h"
 #include "phase.h"
-#include "simd/simd.h"
 
 enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
 
@@ -41,6 +41,17 @@ static inline void store_color(struct frame *frame, struct pixel_block block, st
     store_plane(frame->rgb, 3, frame, block, color.x);
     store_plane(frame->rgb + 1, 3, frame, block, color.y);
     store_plane(frame->rgb + 2, 3, frame, block, color.z);
+}
+
+// Stores the other channels of a block.
+static inline void store_aov(struct frame *frame, struct pixel_block block, vmask found, vfloat t,
+                             vfloat shape, struct vec normal, vfloat evals) {
+    store_plane(frame->depth, 1, frame, block, v_select(found, t, v_splat(INFINITY)));
+    store_plane(frame->id, 1, frame, block, shape);
+    store_plane(frame->normal, 3, frame, block, normal.x);
+    store_plane(frame->normal + 1, 3, frame, block, normal.y);
+    store_plane(frame->normal + 2, 3, frame, block, normal.z);
+    store_plane(frame->evals, 1, frame, block, evals);
 }
 
 static inline int int_min(int a, int b) {

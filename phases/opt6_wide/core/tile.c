@@ -16,12 +16,7 @@ static void store_block_result(struct frame *frame, struct pixel_block block,
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
-    store_plane(frame->id, 1, frame, block, hit->shape);
-    store_plane(frame->normal, 3, frame, block, hit->normal.x);
-    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
-    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
-    store_plane(frame->evals, 1, frame, block, hit->evals);
+    store_aov(frame, block, hit->found, hit->t, hit->shape, hit->normal, hit->evals);
 }
 
 static int tiles_across(const struct frame *frame) {

@@ -13,7 +13,6 @@ static inline const struct program *program_of_ray(const struct local_ray *a, vf
     return primitive->program;
 }
 
-// Returns the program for all marching packets of a group.
 static inline const struct program *program_of_packets(const struct packet_group *group, int shape,
                                                        const struct primitive *primitive) {
     (void)group;

@@ -4,14 +4,8 @@
 
 // Returns the gradient of a shape's distance at p, in the shape's frame.
 static struct vec gradient_in_frame(struct vec p, const struct primitive *s) {
-    struct vec g = p, sines, cosines;
+    struct vec g = gradient_in_axes(p, s), sines, cosines;
     switch ((int)s->type) {
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: g = box_gradient(p, s); break;
-    case SHAPE_TORUS: g = torus_gradient(p, s); break;
-    case SHAPE_CONE: g = cone_gradient(p, s); break;
-    case SHAPE_OCTAHEDRON: g = octahedron_gradient(p); break;
-    case SHAPE_PLANE: g = vec_set(s->size); break;
     case SHAPE_CAPSULE: g.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c)); break;
     case SHAPE_ELLIPSOID: {
         struct vec unit = per_radius(p, s);

@@ -4,7 +4,6 @@
 #include "groups/field_part.h"
 #include "shading/gradients.h"
 
-// Returns the forward differences of the whole scene's distance.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
                                    const struct packet_rays *packet) {
     const struct shape_list *list = shapes_of(packet, scene);
@@ -60,35 +59,17 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         rounded = difference(primitive, local, found, step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(near, step, scene, packet), rounded);
-    switch (primitive->type) {
-    case SHAPE_SPHERE: break;
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, primitive); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, primitive); break;
-    case SHAPE_CONE: exact = cone_gradient(p, primitive); break;
-    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(primitive->size); break;
-    case SHAPE_GROUP: exact = field_at_origin(local, primitive, found).gradient; break;
-    default: return rounded;
-    }
+    if (is_fractal(primitive->type))
+        return rounded;
+    exact = primitive->eval == EVAL_FIELD ? field_at_origin(local, primitive, found).gradient
+                                          : gradient_in_axes(p, primitive);
     exact = turned_back(primitive, exact);
     if (primitive->eval != EVAL_FIELD) // a group's field is not as steep everywhere
         exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
-    rounded = vec_scale(rounded, v_splat(1.0f / step));
-    struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
-    vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));
-    vfloat noise =
-        v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
-    vmask edge =
-        v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (primitive->eval == EVAL_LINEAR) // its difference equals the closed form
-        edge = v_and(edge, near);
-    return vec_select(edge, rounded, exact);
+    return closed_or_difference(exact, rounded, p, step, primitive->eval == EVAL_LINEAR, near);
 }
 
-// The gradient is formed once for each shape that the packet hit. The slope comes from a closed form, which has unit
-// length. Where a difference is used instead, at an edge or through a thin plate, it would not be a slope to divide
-// by.
+// The gradient is formed once for each shape that the packet hit.
 struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                             const struct prepared *scene, const struct packet_rays *packet) {
     float id[LANES], step = (float)scene->model.march.normal_step;
@@ -101,16 +82,7 @@ struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_
             vec_select(same, gradient_of(i, same, near->contact, step, scene, packet), gradient);
         rest &= ~v_mask_bits(same);
     }
-    vfloat length = vec_norm(gradient);
-    vfloat along = vec_dot(direction, gradient);
-    vfloat slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
-                            v_splat(1e30f));
-    vmask away = v_cmp_gt(along, v_splat(0.0f));
-    struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
-    // Without a direction, as at a centre, the normal is towards the ray. 1e-18: its square is a normal float.
-    vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
-    n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
-    n = (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
-                     v_select_or_zero(found, n.z)};
-    return (struct hit_normal){n, slope, away};
+    struct hit_normal at;
+    at.normal = normal_of(gradient, direction, found, &at.inward, &at.slope);
+    return at;
 }

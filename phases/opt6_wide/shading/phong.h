@@ -7,75 +7,52 @@
 #include "core/trace_context.h"
 #include "groups/field_part.h"
 
-// The materials of a packet's hits, gathered.
-struct surfaces {
-    struct vec color;
-    vfloat reflectivity, shininess;
-};
+#include "packet/phong.h" // needs the others
 
 // Takes the materials of hits on groups from the programs' parts. The hits are the origins of the packet's rays.
 static inline void gather_groups(vfloat shape, vmask found, const struct prepared *scene,
-                                 const struct packet_rays *packet, struct surfaces *all) {
+                                 const struct packet_rays *packet, struct materials *all) {
     for (int i = 0; i < scene->model.shape_count; i++) {
         vmask here = v_and(found, v_cmp_eq(shape, v_splat((float)i)));
         if (scene->primitives[i].eval != EVAL_FIELD || !v_any(here))
             continue;
         struct field_part part = field_at_origin(&packet->local[i], &scene->primitives[i], here);
-        all->color = vec_select(here, part.color, all->color);
-        all->reflectivity = v_select(here, part.reflectivity, all->reflectivity);
-        all->shininess = v_select(here, part.shininess, all->shininess);
+        struct materials mixed = {part.color, part.reflectivity, part.shininess};
+        mix_materials(here, &mixed, all);
     }
 }
 
-static inline struct surfaces gather(vfloat shape, vmask found, const struct prepared *scene,
-                                     const struct packet_rays *packet) {
-    const struct model *model = &scene->model;
-    float id[LANES], values[5][LANES];
-    v_store(v_select(found, shape, v_splat(0.0f)), id);
-    for (int lane = 0; lane < LANES; lane++) {
-        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
-        for (int i = 0; i < 3; i++)
-            values[i][lane] = (float)m->color[i];
-        values[3][lane] = (float)m->reflectivity;
-        values[4][lane] = (float)m->shininess;
-    }
-    struct surfaces all = {{v_load(values[0]), v_load(values[1]), v_load(values[2])},
-                           v_load(values[3]),
-                           v_load(values[4])};
+static inline struct materials gather(vfloat shape, vmask found, const struct prepared *scene,
+                                      const struct packet_rays *packet) {
+    struct materials all = materials_of(shape, found, &scene->model);
     if (scene->groups)
         gather_groups(shape, found, scene, packet, &all);
     return all;
 }
 
 static inline struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
-                                  vfloat shadow, const struct surfaces *surface,
+                                  vfloat shadow, const struct materials *surface,
                                   const struct view *view) {
-    struct vec base = surface->color, color = vec_scale(base, v_splat(0.01f)); // ambient
+    struct vec color = vec_scale(surface->color, v_splat(0.01f)); // ambient
     if (!v_any(light->lit))
         return color;
-    vfloat reach = shadow / light->distance, facing = light->facing;
-    // The mirrored direction is minus the paper's R.
-    vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
-    vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
-    specular = v_select_or_zero(v_cmp_gt(shine, v_splat(0.0f)), specular);
     const double *e = view->light_emission;
     struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
-    struct vec bright = {v_madd(emission.x * v_madd(base.x, facing, specular), reach, color.x),
-                         v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
-                         v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
+    struct vec bright = lit_color(n, direction, light->to_light, light->facing,
+                                  shadow / light->distance, surface, emission, color);
     return vec_select(light->lit, bright, color);
 }
 
 // Marches the rays of `size` packets and lights their hits, without mirrors and fog. Each array has one element per
 // packet.
 static inline void light_hits(const struct ray_group *rays, int size, struct trace_context *world,
-                              struct hit *hit, struct lighting *light, struct surfaces *surface,
+                              struct hit *hit, struct lighting *light, struct materials *surface,
                               vfloat *reach, struct shaded *result) {
     struct vec background = vec_from_doubles(world->scene->model.background);
     ray_march(rays, world, hit);
     for (int k = 0; k < size; k++) {
         light[k].lit = v_mask_none();
-        surface[k] = (struct surfaces){0};
+        surface[k] = (struct materials){0};
         if (!v_any(hit[k].found))
             continue;
         surface[k] = gather(hit[k].shape, hit[k].found, world->scene, &world->group->packet[k]);

@@ -6,7 +6,7 @@
 // Adds the mirrored colours to those of the reflective hits. The recursive call is made if one ray is reflective. The
 // other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
-                   const struct surfaces surface[GROUP], struct shaded *result) {
+                   const struct materials surface[GROUP], struct shaded *result) {
     struct ray_group mirrored;
     bool one = false;
     for (int k = 0; k < GROUP; k++) {
@@ -39,7 +39,7 @@ void trace(const struct ray_group *rays, int bounce, struct trace_context *world
     const struct model *model = &world->scene->model;
     struct hit hit[GROUP];
     struct lighting light[GROUP];
-    struct surfaces surface[GROUP];
+    struct materials surface[GROUP];
     vfloat reach[GROUP];
     light_hits(rays, GROUP, world, hit, light, surface, reach, result);
     if (model->features.mirrors && bounce < model->march.max_bounces)

@@ -31,7 +31,6 @@ static inline const struct program *program_of_ray(const struct local_ray *a, vf
     return a->region->owner->program;
 }
 
-// Returns the program for all marching packets of a group.
 static inline const struct program *program_of_packets(const struct packet_group *group, int shape,
                                                        const struct primitive *primitive) {
     if (!is_prunable(primitive))

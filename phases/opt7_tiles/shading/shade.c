@@ -9,7 +9,7 @@
 // Adds the mirrored colours to those of the reflective hits of a few packets. The recursive call is made if one ray is
 // reflective. The other rays are masked.
 static void mirror(const struct ray_group *rays, int bounce, struct trace_context *world,
-                   const struct surfaces *surface, struct shaded *result) {
+                   const struct materials *surface, struct shaded *result) {
     struct point origin[SMALL_GROUP];
     struct vec direction[SMALL_GROUP];
     vmask activated[SMALL_GROUP];
@@ -45,7 +45,7 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
 // Traces all packets of the group. Each array has one element per packet.
 static inline void trace_packets(const struct ray_group *rays, int bounce,
                                  struct trace_context *world, struct hit *hit,
-                                 struct lighting *light, struct surfaces *surface, vfloat *reach,
+                                 struct lighting *light, struct materials *surface, vfloat *reach,
                                  struct shaded *result) {
     const struct model *model = &world->scene->model;
     const int size = packets_in(world->group);
@@ -65,7 +65,7 @@ __attribute__((noinline)) static void trace_many(const struct ray_group *rays, i
                                                  struct shaded *result) {
     struct hit hit[GROUP];
     struct lighting light[GROUP];
-    struct surfaces surface[GROUP];
+    struct materials surface[GROUP];
     vfloat reach[GROUP];
     trace_packets(rays, bounce, world, hit, light, surface, reach, result);
 }
@@ -75,7 +75,7 @@ __attribute__((noinline)) static void trace_few(const struct ray_group *rays, in
                                                 struct shaded *result) {
     struct hit hit[SMALL_GROUP];
     struct lighting light[SMALL_GROUP];
-    struct surfaces surface[SMALL_GROUP];
+    struct materials surface[SMALL_GROUP];
     vfloat reach[SMALL_GROUP];
     trace_packets(rays, bounce, world, hit, light, surface, reach, result);
 }

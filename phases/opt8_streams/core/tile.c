@@ -42,12 +42,7 @@ static struct vec_double exact_direction(struct pixel_block block, const struct 
 
 static void store_hit(struct frame *frame, struct pixel_block block, vfloat start, int shapes,
                       const struct hit *hit) {
-    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
-    store_plane(frame->id, 1, frame, block, hit->shape);
-    store_plane(frame->normal, 3, frame, block, hit->normal.x);
-    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
-    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
-    store_plane(frame->evals, 1, frame, block, hit->evals);
+    store_aov(frame, block, hit->found, hit->t, hit->shape, hit->normal, hit->evals);
     if (frame->plane_count > 0) {
         store_plane(frame->planes[0], 1, frame, block, start);
         store_plane(frame->planes[1], 1, frame, block, v_splat((float)shapes));

@@ -20,7 +20,6 @@ static void pack_in_place(vmask m, vfloat *first, int count) {
         v_compress_store(m, first[i], (float *)&first[i]);
 }
 
-// Returns how many vectors of a local ray are in use.
 static int local_ray_vectors(const struct primitive *primitive) {
     return primitive->eval == EVAL_POWER ? 8 : 6;
 }

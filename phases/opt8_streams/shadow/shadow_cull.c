@@ -5,14 +5,11 @@
 #include "core/shape_distances.h"
 #include "core/trace.h"
 #include "core/trace_context.h"
+#include "packet/light_bundle.h"
 #include "shadow/shadow_cone.h"
 
-// A bundle of shadow rays: the group's hits lie in a ball, and the rays diverge from `to_light` by at most `spread`.
-struct light_bundle {
-    float centre[3], radius, to_light[3], spread;
-};
-
-static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
+// Sets the bundle of the group's shadow rays. Returns false if it is too wide, or if no hit is lit.
+static bool bundle_of_group(const struct hit *hit, const struct lighting *light,
                             const struct view *view, struct light_bundle *ball) {
     vfloat none = v_splat(INFINITY);
     struct vec least = {none, none, none}, most = {-none, -none, -none};
@@ -29,37 +26,13 @@ static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
                             v_select(lit, v_max(p.z, most.z), most.z)};
     }
     const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
-    float square = 0, distance = 0;
+    float from[3], to[3], at[3];
     for (int k = 0; k < 3; k++) {
-        float a = v_reduce_min(low[k]), b = -v_reduce_min(-high[k]);
-        ball->centre[k] = 0.5f * (a + b);
-        square += 0.25f * (b - a) * (b - a);
-        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
-        distance += ball->to_light[k] * ball->to_light[k];
+        from[k] = v_reduce_min(low[k]);
+        to[k] = -v_reduce_min(-high[k]);
+        at[k] = (float)view->light_position[k];
     }
-    distance = sqrtf(distance);
-    ball->radius = sqrtf(square) * (1 + 1e-4f);
-    ball->spread = ball->radius / (distance - ball->radius);
-    for (int k = 0; k < 3; k++)
-        ball->to_light[k] /= distance;
-    return ball->radius < 0.25f * distance; // false where no hit is lit: the radius is −∞ or NaN
-}
-
-// Whether no cone of slope q around a ray of the bundle meets the shape's bounding sphere.
-static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s) {
-    float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
-    float q = s->slope_lit + ball->spread;
-    for (int k = 0; k < 3; k++) {
-        float v = s->position[k] - ball->centre[k];
-        along += v * ball->to_light[k];
-        c += v * v;
-    }
-    float b = along + q * radius;
-    if (!(c > 0 && q < 1))
-        return false;
-    if (b <= 0)
-        return true;
-    return b * b * (1 + 1e-4f) < (1 - q * q) * c;
+    return light_bundle_of(from, to, at, ball);
 }
 
 void list_occluders(const struct hit *hit, const struct lighting *light,
@@ -67,11 +40,12 @@ void list_occluders(const struct hit *hit, const struct lighting *light,
     const struct prepared *scene = world->scene;
     struct ray_queues *queues = world->queues;
     struct light_bundle ball;
-    bool known = light_bundle_of(hit, light, world->view, &ball);
+    bool known = bundle_of_group(hit, light, world->view, &ball);
     queues->occluder_count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *s = &scene->primitives[i];
-        if (!known || s->eval == EVAL_LINEAR || !bundle_misses(&ball, s))
+        if (!known || s->eval == EVAL_LINEAR ||
+            !bundle_misses(&ball, s->position, s->bound, s->slope_lit))
             queues->occluders[queues->occluder_count++] = i;
     }
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/bvh.h"
+#include "packet/light_bundle.h"
 #include "simd/simd.h"
 
 struct tile_context;
@@ -18,30 +19,6 @@ void bvh_list_in_frustum(const struct tile_frustum *frustum, const struct job *j
 // planes. row: the row's frustum; across: a block's width in it.
 void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch);
-
-// A bundle of shadow rays: they start in a ball, and their directions differ from to_light by at most `spread`.
-struct light_bundle {
-    float centre[3], radius, to_light[3], spread;
-};
-
-// Sets the bundle of rays from a box to the light. Returns false if the box is too large for the distance to the light,
-// or infinite or NaN.
-static inline bool light_bundle_of(const float low[3], const float high[3], const float light[3],
-                                   struct light_bundle *bundle) {
-    float square = 0, distance = 0;
-    for (int k = 0; k < 3; k++) {
-        bundle->centre[k] = 0.5f * (low[k] + high[k]);
-        square += 0.25f * (high[k] - low[k]) * (high[k] - low[k]);
-        bundle->to_light[k] = light[k] - bundle->centre[k];
-        distance += bundle->to_light[k] * bundle->to_light[k];
-    }
-    distance = sqrtf(distance);
-    bundle->radius = sqrtf(square) * (1 + 1e-4f);
-    bundle->spread = bundle->radius / (distance - bundle->radius);
-    for (int k = 0; k < 3; k++)
-        bundle->to_light[k] /= distance;
-    return bundle->radius < 0.25f * distance;
-}
 
 // Sets scratch->occluders for a bundle, whose rays are cones of slope q: the solids that one of them can meet, and all
 // planes.

@@ -1,38 +1,16 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A pair of packets marches until the last ray is done.
 #include "fallback/trace.h"
+#include "march/march_step.h"
 #include "simd/simd.h"
 #include "types/ideal.h"
 
-// A ray leaves the bounds when |o + t·d|² > radius². That is a polynomial in t, and float knows it to a few
-// 2^-24 of radius². So a ray marches on until 2^-20 past the bounds, and within() checks its hit.
-struct bounds_exit {
-    vfloat linear, constant; // t·(t + linear) + constant > 0
-};
-
-static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
-                                         const struct model *model) {
-    float radius = (float)model->march.bounds_radius;
-    struct vec o = origin.hi;
-    return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
-                                vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
-}
-
 static inline vmask outside(struct bounds_exit exit, vfloat t) {
-    return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
+    return v_cmp_gt(outside_of_bounds(exit, t), v_splat(0.0f));
 }
 
-// The hit test in float: the hit distance, or 2^-24·t if that is more. Below half an ulp of t, which is at most
-// 2^-24·t, a step does not move the ray, and it would stall there until the step cap.
 static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
-    return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
-}
-
-// Returns Newton's last step to the surface: a grazing ray has up to 33 times h to go. Only for an h that
-// rounding may leave: what a larger hit_distance leaves is the scene's choice.
-static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
-    vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
-    return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
+    return v_cmp_lt(distance, min_step(t, hit_distance));
 }
 
 // The rays are at the distance before + t + last. t and the last step stay apart: their rounded sum would lose
@@ -73,17 +51,12 @@ __attribute__((noinline)) static void distances(const struct trace_context world
     }
 }
 
-// The step cap; a float cannot count past 2^24.
-static inline vfloat most_evaluations(const struct model *model) {
-    return v_splat(fminf((float)model->march.max_steps, 0x1p24f));
-}
-
 // Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
 static void march(struct march_state at[PAIR], const struct ray_pair *rays,
                   const struct trace_context world[PAIR]) {
     const struct model *model = &world->scene->model;
     vfloat hit_distance = v_splat((float)model->march.hit_distance), t[PAIR], h[PAIR];
-    vfloat most = most_evaluations(model);
+    vfloat most = v_splat((float)step_cap(model));
     struct bounds_exit exit[PAIR];
     vmask done[PAIR];
     for (int k = 0; k < PAIR; k++) {
@@ -166,7 +139,8 @@ static bool land(struct march_state *at, vmask settled, struct vec direction,
     set_local_origins(at->origin, scene, world->local_rays);
     set_local_directions(direction, scene, world->local_rays);
     at->found = v_andnot(off, at->found);
-    at->done = v_or(v_andnot(off, at->done), v_cmp_ge(at->evals, most_evaluations(&scene->model)));
+    at->done =
+        v_or(v_andnot(off, at->done), v_cmp_ge(at->evals, v_splat((float)step_cap(&scene->model))));
     return true;
 }
 

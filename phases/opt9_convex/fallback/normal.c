@@ -47,35 +47,18 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         rounded = difference(s, ray, found, step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(near, step, world), rounded);
-    switch (s->type) {
-    case SHAPE_SPHERE: break;
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, s); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, s); break;
-    case SHAPE_CONE: exact = cone_gradient(p, s); break;
-    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(s->size); break;
-    case SHAPE_GROUP:
+    if (is_fractal(s->type))
+        return rounded;
+    if (IS_GROUP(s)) {
         exact = turned_back(s, field_surface(s->field, p, found).normal);
         return vec_select(near, rounded, exact);
-    default: return rounded;
     }
+    exact = gradient_in_axes(p, s);
     exact = turned_back(s, exact);
     exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
-    rounded = vec_scale(rounded, v_splat(1.0f / step));
-    struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
-    vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));
-    vfloat noise =
-        v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
-    vmask edge =
-        v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (s->eval == EVAL_LINEAR) // its own difference is the closed form
-        edge = v_and(edge, near);
-    return vec_select(edge, rounded, exact);
+    return closed_or_difference(exact, rounded, p, step, s->eval == EVAL_LINEAR, near);
 }
 
-// Returns unit normals towards the rays. *slope: how fast the distance falls along the ray, from a closed
-// form; 1e30 where a difference was used, which is no slope to divide by at an edge.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope) {
     float id[LANES], step = (float)world->scene->model.march.normal_step;
@@ -87,15 +70,6 @@ struct vec normal_at(struct vec direction, vmask found, const struct hit_surroun
         gradient = vec_select(same, gradient_of(i, same, near->contact, step, world), gradient);
         rest &= ~v_mask_bits(same);
     }
-    vfloat length = vec_norm(gradient);
-    vfloat along = vec_dot(direction, gradient);
-    *slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
-                      v_splat(1e30f));
-    vmask away = v_cmp_gt(along, v_splat(0.0f));
-    struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
-    // A zero gradient, as at a centre: the normal points along the ray. 1e-18: its square is a normal float.
-    vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
-    n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
-    return (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
-                        v_select_or_zero(found, n.z)};
+    vmask away;
+    return normal_of(gradient, direction, found, &away, slope);
 }

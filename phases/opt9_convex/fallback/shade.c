@@ -3,15 +3,11 @@
 #include "fallback/trace.h"
 #include "simd/simd.h"
 
-// The materials of a packet's hits.
-struct surfaces {
-    struct vec color;
-    vfloat reflectivity, shininess;
-};
+#include "packet/phong.h" // needs simd.h
 
 // A group's materials are mixed in its blends. Precondition: the hits are the origins of world->local_rays.
 static void gather_group(int i, vfloat shape, vmask found, const struct trace_context *world,
-                         struct surfaces *all) {
+                         struct materials *all) {
     vmask same = v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
     const struct primitive *s = &world->scene->primitives[i];
     if (s->type != SHAPE_GROUP || !v_any(v_and(same, found)))
@@ -20,26 +16,13 @@ static void gather_group(int i, vfloat shape, vmask found, const struct trace_co
     if (s->repeated)
         p = vec_wrapped(s, p);
     struct field_surface at = field_surface(s->field, p, v_and(same, found));
-    all->color = vec_select(same, at.color, all->color);
-    all->reflectivity = v_select(same, at.reflectivity, all->reflectivity);
-    all->shininess = v_select(same, at.shininess, all->shininess);
+    struct materials mixed = {at.color, at.reflectivity, at.shininess};
+    mix_materials(same, &mixed, all);
 }
 
-static struct surfaces gather(vfloat shape, vmask found, const struct trace_context *world) {
+static struct materials gather(vfloat shape, vmask found, const struct trace_context *world) {
     const struct model *model = &world->scene->model;
-    float id[LANES], values[5][LANES];
-    struct surfaces mixed;
-    v_store(v_select(found, shape, v_splat(0.0f)), id);
-    for (int lane = 0; lane < LANES; lane++) {
-        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
-        for (int i = 0; i < 3; i++)
-            values[i][lane] = (float)m->color[i];
-        values[3][lane] = (float)m->reflectivity;
-        values[4][lane] = (float)m->shininess;
-    }
-    mixed = (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
-                              v_load(values[3]),
-                              v_load(values[4])};
+    struct materials mixed = materials_of(shape, found, model);
     for (int i = 0; i < model->shape_count && model->features.groups; i++)
         gather_group(i, shape, found, world, &mixed);
     return mixed;
@@ -54,7 +37,7 @@ static struct vec from_to(struct point from, const double to[3]) {
 
 // Sets the colours of hits, without mirrors and fog.
 static void light_hits(const struct hit hit[PAIR], const struct vec direction[PAIR],
-                       const struct surfaces surface[PAIR], const struct trace_context world[PAIR],
+                       const struct materials surface[PAIR], const struct trace_context world[PAIR],
                        struct vec color[PAIR]) {
     struct ray_pair rays;
     vfloat distance[PAIR], facing[PAIR], light[PAIR], zero = v_splat(0.0f);
@@ -70,27 +53,19 @@ static void light_hits(const struct hit hit[PAIR], const struct vec direction[PA
             v_and(hit[k].found, v_and(v_cmp_gt(facing[k], zero), v_cmp_gt(distance[k], zero)));
     }
     shadow(&rays, distance, world, light);
-    const double *e = world->view->light_emission;
+    struct vec emission = vec_from_doubles(world->view->light_emission);
     for (int k = 0; k < PAIR; k++) {
-        struct vec base = surface[k].color, ambient = vec_scale(base, v_splat(0.01f));
+        struct vec ambient = vec_scale(surface[k].color, v_splat(0.01f));
         vfloat reach = light[k] / distance[k];
-        // Reflects the light's direction, where the paper has R = −that.
-        vfloat shine = vec_dot(vec_reflect(rays.direction[k], hit[k].normal), direction[k]);
-        vfloat specular =
-            v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface[k].shininess);
-        specular = v_select_or_zero(v_cmp_gt(shine, zero), specular);
-        struct vec sum = {v_madd(base.x, facing[k], specular), v_madd(base.y, facing[k], specular),
-                          v_madd(base.z, facing[k], specular)};
-        struct vec bright = {v_madd(v_splat((float)e[0]) * sum.x, reach, ambient.x),
-                             v_madd(v_splat((float)e[1]) * sum.y, reach, ambient.y),
-                             v_madd(v_splat((float)e[2]) * sum.z, reach, ambient.z)};
+        struct vec bright = lit_color(hit[k].normal, direction[k], rays.direction[k], facing[k],
+                                      reach, &surface[k], emission, ambient);
         color[k] = vec_select(rays.active[k], bright, ambient);
     }
 }
 
 // Adds what mirrors show.
 static void add_mirrored(const struct hit hit[PAIR], const struct vec direction[PAIR], int bounce,
-                         const struct surfaces surface[PAIR],
+                         const struct materials surface[PAIR],
                          const struct trace_context world[PAIR], struct vec color[PAIR]) {
     vfloat zero = v_splat(0.0f);
     vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
@@ -118,7 +93,7 @@ void trace(const struct ray_pair *rays, int bounce, const struct trace_context w
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     struct hit hit[PAIR];
-    struct surfaces surface[PAIR];
+    struct materials surface[PAIR];
     struct vec color[PAIR];
     ray_march(rays, world, hit);
     for (int k = 0; k < PAIR; k++) {

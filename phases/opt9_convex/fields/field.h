@@ -35,5 +35,4 @@ struct field_set *fields_reserve(const struct model *model);
 void fields_free(struct field_set *set);
 // Prepares them, again whenever the shapes have moved. Precondition: their programs are compiled.
 void fields_prepare(struct field_set *set, const struct prepared *prepared);
-// Returns the field of shape i, a group.
 struct field *field_of(struct field_set *set, int i);

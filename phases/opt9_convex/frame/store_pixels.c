@@ -3,17 +3,6 @@
 #include "phase.h"
 #include "simd/simd.h"
 
-KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
-                               struct pixel_block block, vfloat values) {
-    float lanes[LANES];
-    v_store(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
 static inline void display_samples(const struct frame *frame, int row, int column,
                                    const float *linear, int pixels) {
     size_t first = (size_t)row * (size_t)frame->width + (size_t)column;
@@ -35,12 +24,10 @@ static inline void display_block(const struct frame *frame, struct pixel_block b
 
 KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
                              const struct surface_hit *hit, struct vec normal) {
-    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
-    store_plane(frame->id, 1, frame, block, v_select(hit->found, hit->shape, v_splat(-1.0f)));
-    store_plane(frame->normal, 3, frame, block, v_select_or_zero(hit->found, normal.x));
-    store_plane(frame->normal + 1, 3, frame, block, v_select_or_zero(hit->found, normal.y));
-    store_plane(frame->normal + 2, 3, frame, block, v_select_or_zero(hit->found, normal.z));
-    store_plane(frame->evals, 1, frame, block, v_splat(1.0f));
+    struct vec n = {v_select_or_zero(hit->found, normal.x), v_select_or_zero(hit->found, normal.y),
+                    v_select_or_zero(hit->found, normal.z)};
+    store_aov(frame, block, hit->found, hit->t, v_select(hit->found, hit->shape, v_splat(-1.0f)), n,
+              v_splat(1.0f));
 }
 
 KERNEL_SHARED void store_block(struct frame *frame, struct pixel_block block, struct vec color) {
@@ -48,14 +35,7 @@ KERNEL_SHARED void store_block(struct frame *frame, struct pixel_block block, st
         display_block(frame, block, color);
         return;
     }
-    float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
-    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        v_store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, color.z);
+    store_color(frame, block, color);
 }
 
 KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, const float *color) {

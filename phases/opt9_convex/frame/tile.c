@@ -2,41 +2,12 @@
 // pixels, one ray through the middle of each. Lanes outside the picture are masked.
 #include <stdlib.h>
 
+#include "core/camera_rays.h"
 #include "fallback/trace.h"
 #include "frame/prepare.h"
 #include "frame/tile.h"
 #include "frame/worker_scratch.h"
 #include "phase.h"
-
-static struct point point_from_double(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct point){vec_set(hi), vec_set(lo)};
-}
-
-static vmask in_picture(struct pixel_block block) {
-    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
-    vfloat right = v_iota() - below * v_splat(BLOCK_WIDTH);
-    return v_and(v_cmp_lt(right, v_splat((float)block.across)),
-                 v_cmp_lt(below, v_splat((float)block.down)));
-}
-
-static struct vec get_direction(struct pixel_block block, const struct frame *frame,
-                                const struct view *view) {
-    double per_height = view->tan_half_fov / frame->height;
-    float columns[LANES], rows[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        int row = block.row + lane / BLOCK_WIDTH;
-        columns[lane] =
-            (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
-        rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
-    }
-    vfloat x = v_load(columns) * v_splat((float)per_height), y = v_load(rows);
-    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
-    d = vec_along(d, vec_from_doubles(view->up), y);
-    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
-}
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen) {
@@ -44,12 +15,7 @@ static void store_block_result(struct frame *frame, struct pixel_block block,
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
-    store_plane(frame->id, 1, frame, block, hit->shape);
-    store_plane(frame->normal, 3, frame, block, hit->normal.x);
-    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
-    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
-    store_plane(frame->evals, 1, frame, block, hit->evals);
+    store_aov(frame, block, hit->found, hit->t, hit->shape, hit->normal, hit->evals);
 }
 
 static int tiles_across(const struct frame *frame) {
@@ -61,7 +27,7 @@ static void draw_tile(const struct job *job, int tile, struct local_ray *local_r
     struct trace_context world[PAIR] = {
         {job->prepared, job->view, local_rays},
         {job->prepared, job->view, local_rays + job->prepared->model.shape_count}};
-    struct point origin = point_from_double(job->view->position);
+    struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = int_min(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
@@ -126,7 +92,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        set_local_origins(point_from_double(points + 3 * i), prepared, local_rays);
+        set_local_origins(point_from_doubles(points + 3 * i), prepared, local_rays);
         set_local_directions(nowhere, prepared, local_rays);
         distance[i] = v_lane0(sdf(local_rays, v_splat(0.0f), prepared, v_mask_none(), &shape));
         nearest[i] = (int)v_lane0(shape);

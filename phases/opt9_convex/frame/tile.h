@@ -4,12 +4,6 @@
 #include "types/shading_packet.h"
 #include "types/tile_context.h"
 
-// Neighbouring pixels, one per lane.
-struct pixel_block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // its size within the picture
-};
-
 // A tile, in pixels, and what the camera rays of its blocks share.
 struct tile {
     int left, right, top, bottom;
@@ -39,10 +33,8 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
     ray->local = (struct vec){zero, zero, zero};
 }
 
-// frame/store_pixels.c: lanes of a block into one channel, its colours, its other channels, its colours from
-// worker_scratch.color; whole rows of a tile, if is_whole_lines(); a tile of background.
-KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
-                               struct pixel_block block, vfloat values);
+// frame/store_pixels.c: a block's colours, its other channels, its colours from worker_scratch.color; whole rows
+// of a tile, if is_whole_lines(); a tile of background.
 KERNEL_SHARED void store_block(struct frame *frame, struct pixel_block block, struct vec color);
 KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
                              const struct surface_hit *hit, struct vec normal);

@@ -23,7 +23,6 @@ static inline struct cell_axis cell_axis_of(vfloat o, vfloat d, float cell, floa
                               size};
 }
 
-// Returns the t at which the ray leaves its cell.
 static inline vfloat cell_exit(const struct cell_axis *x, const struct cell_axis *y,
                                const struct cell_axis *z) {
     return v_min(x->middle + x->wall, v_min(y->middle + y->wall, z->middle + z->wall));

@@ -85,14 +85,6 @@ struct refilled_packet {
     unsigned live, leaving;
 };
 
-// Returns the lowest `count` bits that are set.
-static inline unsigned lowest_bits(unsigned bits, int count) {
-    unsigned rest = bits;
-    for (int i = 0; i < count; i++)
-        rest &= rest - 1;
-    return bits & ~rest;
-}
-
 // Moves as many rays as fit from lanes `here` to lanes `there`, with their candidates: height and slope of a
 // plane, or origin and direction (no sphere has `power` beside a Mandelbulb). Returns the lanes that were
 // moved.

@@ -31,21 +31,6 @@ static bool bundle_of_group(const struct shading_packet *stage, int count, const
     return light_bundle_of(low, high, light, ball);
 }
 
-// Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.
-static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s, float q) {
-    float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
-    q += ball->spread;
-    for (int k = 0; k < 3; k++) {
-        float v = s->position[k] - ball->centre[k];
-        along += v * ball->to_light[k];
-        c += v * v;
-    }
-    float b = along + q * radius;
-    if (!(c > 0 && q < 1) || b <= 0)
-        return c > 0 && q < 1;
-    return b * b * (1 + 1e-4f) < (1 - q * q) * c;
-}
-
 // Adds shape i to the occluders unless its bounding sphere is clear of the bundle. Without a bundle (NULL) every
 // shape is added, and planes and repeated shapes always are.
 INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
@@ -53,7 +38,8 @@ INLINE void add_occluder(int i, const struct light_bundle *ball, const struct ti
     const struct primitive *s = &scene->primitives[i];
     float q = scene->model.shadows == SHADOWS_HARD ? HARD_SHADOW_SLOPE : scene->lit_slope;
     q = lit_slope_for(s, q);
-    if (!ball || s->eval == EVAL_LINEAR || REPEATED(s) || !bundle_misses(ball, s, q))
+    if (!ball || s->eval == EVAL_LINEAR || REPEATED(s) ||
+        !bundle_misses(ball, s->position, s->bound, q))
         add_to_set(&work->scratch->occluders, i);
 }
 

@@ -64,7 +64,6 @@ struct shadow_batch {
     struct active_set set;
 };
 
-// Returns the vector from the active set's segment to a point.
 static inline struct vec offset_from_segment(const struct active_set *v, struct vec at) {
     struct vec to = vec_sub(at, v->start);
     vfloat along = v_min(v_max(vec_dot(to, v->along), v_splat(0.0f)), v_splat(v->length));

@@ -19,7 +19,6 @@ INLINE struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struc
                                 vec_dot(v, v) - v_splat(s->bound_sq)};
 }
 
-// Returns the rays whose cone misses the sphere.
 INLINE vmask cone_misses(struct shadow_cone cone, float q) {
     vfloat b = v_max(cone.b, v_splat(0.0f));
     return v_cmp_lt(b * b, v_splat(1.0f - q * q) * cone.c);

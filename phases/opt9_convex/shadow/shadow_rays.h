@@ -90,7 +90,6 @@ KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shad
 // Updates the first entry of the rays `met` by their entry into solid i. Rays that start on it are left out.
 KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met);
 
-// Sets the candidate's rays in the frame of shape i.
 KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
                                      struct shadow_candidate *candidate,
                                      const struct tile_context *work);

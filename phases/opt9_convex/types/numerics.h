@@ -3,9 +3,16 @@
 
 #include "simd/simd.h"
 
-// Returns the maximum of all lanes.
 static inline float most_lane(vfloat x) {
     return -v_reduce_min(v_splat(0.0f) - x);
+}
+
+// Returns the lowest `count` bits that are set.
+static inline unsigned lowest_bits(unsigned bits, int count) {
+    unsigned rest = bits;
+    for (int i = 0; i < count; i++)
+        rest &= rest - 1;
+    return bits & ~rest;
 }
 
 // Returns 1/√a for normal a > 0, to an ulp or two.

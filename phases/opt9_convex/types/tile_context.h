@@ -6,13 +6,13 @@
 #include "simd/simd.h"
 #include "types/known_scene.h"
 
+#include "core/pixel_block.h" // needs simd.h
+
 enum {
     TILE_WIDTH = 32,
     TILE_HEIGHT = 8,
     BULB_TILE_HEIGHT =
         128, // taller: a ray to a Mandelbulb may take 1,000 steps, while others fill the lanes
-    BLOCK_WIDTH = 4,
-    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     COLOR_ROOM = TILE_PIXELS + 3 * LANES, // avoids 4 KiB aliasing between a pixel's three colours
     GROUP = TILE_WIDTH / BLOCK_WIDTH,     // packets that are shaded together
@@ -128,10 +128,6 @@ struct tile_context {
     float inside;                // up to this t, a camera ray is within the bounds
 };
 
-static inline int int_min(int a, int b) {
-    return a < b ? a : b;
-}
-
 static inline float float_max(float a, float b) { // fmaxf is a call
     return a > b ? a : b;
 }
@@ -175,7 +171,6 @@ static inline void add_light(vmask m, struct vec light, vfloat pixel,
     }
 }
 
-// Returns the lanes whose `shape` is shape i.
 INLINE vmask is_shape(vfloat shape, int i) {
     return v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
 }

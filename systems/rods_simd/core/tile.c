@@ -16,18 +16,11 @@ struct ray_starts {
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen, const struct ray_starts *starts) {
-    store_plane(frame->rgb, 3, frame, block, seen->color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
-    store_plane(frame->id, 1, frame, block, hit->shape);
-    store_plane(frame->normal, 3, frame, block, hit->normal.x);
-    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
-    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
-    store_plane(frame->evals, 1, frame, block, hit->evals);
+    store_aov(frame, block, hit->found, hit->t, hit->shape, hit->normal, hit->evals);
     store_plane(frame->planes[0], 1, frame, block, starts->start);
     store_plane(frame->planes[1], 1, frame, block, starts->steps);
     store_plane(frame->planes[2], 1, frame, block, starts->share);

@@ -1,6 +1,7 @@
-"""Pages made from the code: docs/commands.md, and build/docs/keys/ with the keys of every file of a run."""
+"""Pages made from the code: docs/commands.md, the lines of functions in MAP.md, and build/docs/keys/."""
 
 import argparse
+import re
 import textwrap
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from study.experiments import experiment, keys
 FILES = "results/README.md"
 BEGIN, END = "<!-- files: scripts/stepwise docs -->", "<!-- end of files -->"
 WIDTH = 100
+LINES = re.compile(r"(`(\w+)`, ((?:\w+/)?\w+\.[ch])) \d+–\d+")  # of a function in a MAP.md
 HEAD = """\
 # Commands
 
@@ -58,10 +60,37 @@ def page() -> str:
     return "\n".join([HEAD, *lines, "", *map(described, commands.find_all().values())])
 
 
+def lines_of(name: str, path: Path) -> str:
+    """First and last line of a C function with its comment. Raises ValueError if it does not stand there."""
+    lines = path.read_text(encoding="utf-8").split("\n")
+    heads = (i for i, line in enumerate(lines) if re.match(rf"(\w.*\W)?{name}\(", line))
+    for first in heads:
+        rest = next(i for i in range(first, len(lines)) if lines[i].endswith((";", "{")))
+        if lines[rest].endswith("{"):
+            last = lines.index("}", rest)
+            while lines[first - 1].startswith(("//", "static", "__attribute__")):
+                first -= 1
+            return f"{first + 1}–{last + 1}"
+    raise ValueError(f"{path}: has no function {name}")
+
+
+def mapped(page: Path) -> str:
+    """A MAP.md whose functions have their lines. Files without a folder stand in shadow/."""
+
+    def now(found: re.Match[str]) -> str:
+        path = page.parent / found[3]
+        path = path if path.is_file() else page.parent / "shadow" / found[3]
+        return f"{found[1]} {lines_of(found[2], path)}"
+
+    return LINES.sub(now, page.read_text(encoding="utf-8"))
+
+
 def pages(root: Path = ROOT) -> dict[str, str]:
     """Every page by its path below the project; `root` has the page that the table of files goes into."""
     text = (root / FILES).read_text(encoding="utf-8")
     made = {"docs/commands.md": page(), FILES: between(text, BEGIN, END, f"\n{keys.index()}\n")}
+    maps = (page for page in (root / "phases").glob("*/MAP.md") if LINES.search(page.read_text("utf-8")))
+    made |= {str(page.relative_to(root)): mapped(page) for page in maps}
     return made | {f"build/docs/keys/{name}.md": keys.page(name, kind) for name, kind in keys.files().items()}
 
 
