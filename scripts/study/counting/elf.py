@@ -21,8 +21,10 @@ from study.core.host import child
 
 WRAPPER = 32  # bytes: a leaf of one or two instructions, such as a name for an intrinsic
 # As addr2line writes it: a phase's own source, a derived phase's or an ablation's (build/NAME/source), and
-# common/simd's, whose functions are compiled into the phase.
-_PHASE_FILE = re.compile(r"(^|/)((?:phases|systems)/[^/]+|truth|source|common/simd)/([^/]+/)?[^/]+\.[ch]:")
+# that of common/simd and common/packet, whose functions are compiled into the phase.
+_PHASE_FILE = re.compile(
+    r"(^|/)((?:phases|systems)/[^/]+|truth|source|common/simd|common/packet)/([^/]+/)?[^/]+\.[ch]:"
+)
 _CODE = ("STT_FUNC", "STT_LOOS", "STT_GNU_IFUNC")  # pyelftools knows GNU's indirect functions by number only
 
 

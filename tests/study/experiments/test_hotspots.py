@@ -194,6 +194,7 @@ def test_inlined_chains_without_the_compilers_headers():
 def test_inlined_chains_with_folders_of_a_phase_and_the_vector_library():
     places = {
         "v_pow": "/a/common/simd/powers.h",
+        "sdf_cone": "/a/common/packet/distances.h",
         "enter_box": "/a/phases/opt9_convex/hit/solids.h",
         "enter_torus": "/a/build/opt10_scene/source/hit/torus.c",
         "march": "phases/opt4/march.c",
@@ -201,7 +202,9 @@ def test_inlined_chains_with_folders_of_a_phase_and_the_vector_library():
         "workers_run": "/a/common/workers/workers.c",
     }
     text = "".join(f"{name}\n{place}:7\n" for name, place in places.items())
-    assert elf.parse_addr2line(f"0x10\n{text}") == {0x10: ["v_pow", "enter_box", "enter_torus", "march"]}
+    assert elf.parse_addr2line(f"0x10\n{text}") == {
+        0x10: ["v_pow", "sdf_cone", "enter_box", "enter_torus", "march"]
+    }
 
 
 def test_an_owner_is_the_innermost_that_is_not_folded(monkeypatch):
