@@ -23,11 +23,11 @@ static struct materials group_surfaces(vfloat shape, vmask found, const struct w
 
 // Normals. By the scene's definition a normal is the forward difference of the scene's distance over
 // normal_step. In float that difference has noise in its third digit: an ulp of the point over 1e-4.
-// Three sources serve instead:
-// - the closed-form gradient of the shape, where it agrees with the difference within that noise; of a group, the
-//   central difference over more steps;
-// - the difference of the shape's distance, elsewhere: within a step of an edge, on a Mandelbulb;
-// - the difference of the scene's distance, where another shape is within reach of the step.
+// Three sources serve instead.
+// - The closed-form gradient of the shape, where it agrees with the difference within that noise. Of a group, the
+//   central difference over more steps.
+// - The difference of the shape's distance, elsewhere: within a step of an edge, on a Mandelbulb.
+// - The difference of the scene's distance, where another shape is within reach of the step.
 
 // The hit in the frame of one shape, moved by `step` along an axis of the world, which is a column of
 // the shape's matrix. Axis −1: not moved.

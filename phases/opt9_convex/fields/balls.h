@@ -116,8 +116,8 @@ static inline struct program part_of(const struct field *f, int *list, int count
     return part;
 }
 
-// Returns how far f stays above 0, if it is `excess` here, has risen at slope `secant` over the last `step`, and bends
-// down by no more than `bend`: the root of excess + (secant − bend·step/2)·x − bend·x²/2.
+// Returns how far f stays above 0: the root of excess + (secant − bend·step/2)·x − bend·x²/2. Here f is `excess`. It has
+// risen at slope `secant` over the last `step`, and bends down by no more than `bend`.
 static inline vfloat bent_step(vfloat excess, vfloat secant, vfloat step, float bend) {
     vfloat slope = v_nmadd(v_splat(0.5f * bend), step, secant), zero = v_splat(0.0f);
     vfloat root = v_sqrt(v_max(v_madd(slope, slope, v_splat(2 * bend) * excess), zero));

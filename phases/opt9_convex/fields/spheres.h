@@ -41,8 +41,8 @@ __attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, 
     }
 }
 
-// Returns τ of three or four distances: the least mean of some of them and the blend, (k + Σ)/n, for any part of the sum
-// Σ max(τ − d, 0) = k is no more than all of it. The least mean is of the nearest.
+// Returns τ of three or four distances, where Σ max(τ − d, 0) = k. A part of that sum is no more than all of it. So τ is
+// the least of the means (k + Σ d)/n of the n nearest.
 __attribute__((always_inline)) static inline vfloat level_of_few(const vfloat *d, int count,
                                                                  vfloat blend) {
     vfloat low = v_min(d[0], d[1]), high = v_max(d[0], d[1]), part = v_splat(1.0f / 3);
