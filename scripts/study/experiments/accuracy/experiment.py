@@ -29,11 +29,19 @@ def _again(result: Accuracy) -> str:
 
 
 def _answer(rows: list[Row]) -> str:
-    """The nearest and the furthest phase of each scene, and which phases break their promise."""
+    """The nearest and the furthest phase of each scene, by the shadow it draws; which break their promise."""
     said = []
     for scene in dict.fromkeys(row.scene for row in rows):
         finite = [row for row in rows if row.scene == scene and row.non_finite == 0]
-        mine = [(level, row.phase) for row in finite if not math.isnan(level := row.shown.psnr_db)]
+        levels = [
+            (row.shown.psnr_ideal_db if row.judged_by == "ideal" else row.shown.psnr_db, row)
+            for row in finite
+        ]
+        mine = [
+            (level, row.phase + ", ideal shadow" * (row.judged_by == "ideal"))
+            for level, row in levels
+            if not math.isnan(level)
+        ]
         if mine:
             (low, worst), (high, best) = min(mine), max(mine)
             said.append(f"on {scene} from {show.number(low)} dB ({worst}) to {show.number(high)} dB ({best})")
