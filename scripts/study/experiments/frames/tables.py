@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study.core import show
+from study.core import registry, show
 from study.core.show import Column
 from study.experiments.frames.measure import HALF, PHASE
 from study.experiments.frames.schema import Frames, Row
@@ -115,9 +115,11 @@ def answer(result: Frames) -> str:
     own = [r for r in result.rows if r.to_own is None] or result.rows
     for scene in dict.fromkeys(r.scene for r in own):
         best = max((r for r in own if r.scene == scene), key=lambda r: r.frames_per_s.value)
+        known = registry.phases().get(best.phase)
+        other = " with another shadow, the estimator's" if known is not None and known.draws_ideal else ""
         said.append(
             f"{_rate(best)} frames a second of {scene} at {best.width}×{best.n} ({best.phase}, "
-            f"{show.decibels(best.psnr)} to {best.reference})"
+            f"{show.decibels(best.psnr)} to {best.reference}{other})"
         )
     return f"On {result.threads} threads, presenting included: {'; '.join(said)}." if said else ""
 
