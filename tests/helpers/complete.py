@@ -73,7 +73,7 @@ def text(name: str, content: Any) -> str:
     return json.dumps(filled(cli.plain(content), schemas()[name]))
 
 
-RUN = ROOT / "results" / "reference" / "zen5-2026-11-25"
+RUN = ROOT / "results" / "reference" / "zen5-2026-11-30"
 
 
 def published(name: str) -> dict[str, Any]:

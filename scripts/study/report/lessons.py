@@ -18,9 +18,9 @@ from study.experiments import experiment
 from study.numbers import accuracy, analysis, ladder
 
 REFERENCE = registry.ROOT / "results" / "reference"
-RUN = REFERENCE / "zen5-2026-11-25"  # the study that the figures are of
-LARGE = REFERENCE / "zen4-2026-11-29-720p"  # the ladder at 1280×720
-THREADS = REFERENCE / "zen5-2026-11-25-threads"  # one thread beside two
+RUN = REFERENCE / "zen5-2026-11-30"  # the study that the figures are of
+LARGE = REFERENCE / "zen5-2026-11-30-720p"  # the ladder at 1280×720
+THREADS = REFERENCE / "zen5-2026-11-30-threads"  # one thread beside two
 NAME = "lesson.svg"
 STEPS = {  # ablations by the step that they are
     "baseline+1_precomputed": "sin and cos once",
@@ -140,11 +140,6 @@ def _counted(phase: registry.Phase, name: str, scale: float, title: str, unit: s
     return Panel("bars", title, unit, _both(phase), rows)
 
 
-def evaluations(phase: registry.Phase) -> Panel:
-    """Evaluations of a distance a pixel, of the parent and of the phase."""
-    return _counted(phase, "evals_per_pixel", 1, "distance evaluations", "a pixel")
-
-
 def lanes(phase: registry.Phase) -> Panel:
     """Share of the FLOPs whose lane was in use, of the parent and of the phase."""
     return _counted(phase, "lane_efficiency", 100, "lanes in use", "% of the FLOPs")
@@ -234,7 +229,7 @@ def rods_errors(_: registry.Phase) -> Panel:
 
 
 def throttled(_: registry.Phase) -> Panel:
-    found = sorted(_file("throttle.json").rows, key=lambda row: row.scene)
+    found = sorted((row for row in _file("throttle.json").rows if row.large), key=lambda row: row.scene)
     rows = [Row(row.scene, [_ms(row.large.plain), _ms(row.large.chosen)]) for row in found]
     series = ["packets alone", "rods, then packets"]
     return Panel("pairs", f"time of a frame, height {found[0].large.n}", "ms", series, rows)
@@ -300,10 +295,10 @@ PANELS: dict[str, tuple[str, list[Callable[[registry.Phase], Panel]]]] = {
     "opt3": ("Four rays in the lanes of one register", [headline_times, lanes]),
     "opt4": ("Eight rays in single precision", [scene_times, lanes]),
     "opt5_threads": ("Tiles for every core", [threads]),
-    "opt6_wide": ("Wider registers, and shapes that sleep", [scene_times, evaluations]),
-    "opt7_tiles": ("Cones find what a tile can see", [scene_times, evaluations]),
-    "opt8_streams": ("Rays that wait fill whole packets", [scene_times, evaluations, lanes]),
-    "opt9_convex": ("Closed forms where a march is not needed", [scene_times, evaluations]),
+    "opt6_wide": ("Wider registers, and shapes that sleep", [scene_times, flops]),
+    "opt7_tiles": ("Cones find what a tile can see", [scene_times, flops]),
+    "opt8_streams": ("Rays that wait fill whole packets", [scene_times, flops, lanes]),
+    "opt9_convex": ("Closed forms where a march is not needed", [scene_times, flops]),
     "opt10_scene": ("A kernel compiled for the scene", [scene_times, paid]),
     "opt11_ideal": ("The shadow of the scene, not of the march", [large_times, to_ideal]),
     "opt12_fused": ("Rows in registers, from direction to store", [large_times]),

@@ -21,7 +21,7 @@ FIGURES = re.search(
 )
 PUBLISHED = REFERENCE / FIGURES[3]
 BYTES = 6_000_000
-LACKING = {"toolchains", "peers", "flight", "systems"}  # of this run
+LACKING = {"toolchains", "peers", "flight"}  # of this run
 WITH_A_TABLE = {"negative"}  # opens with the table of a document
 pytestmark = pytest.mark.slow
 
