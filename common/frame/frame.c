@@ -15,13 +15,13 @@ enum { LARGE_PAGE = 1 << 21 };
 #ifdef __SANITIZE_ADDRESS__
 #include <sanitizer/asan_interface.h>
 #include <unistd.h>
-// A plane's last line of cache ends at a page that traps, since stores of masked lanes are not checked; of all
-// other stores no byte beside the plane may be touched.
+// 4 GB before and behind a plane trap, where a wild index leads. A plane's last line of cache ends
+// there, since stores of masked lanes are not checked; other stores may touch no byte beside it.
 static void *allocate_aligned(size_t size) {
     size_t page = (size_t)sysconf(_SC_PAGESIZE), room = (size + page - 1) / page * page;
-    char *memory =
-        mmap(NULL, room + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (memory == MAP_FAILED || mprotect(memory + room, page, PROT_NONE) != 0)
+    size_t guard = (size_t)1 << 32;
+    char *memory = mmap(NULL, 2 * guard + room, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED || mprotect(memory += guard, room, PROT_READ | PROT_WRITE) != 0)
         return NULL;
     char *plane = memory + room - (size + 63) / 64 * 64;
     __asan_poison_memory_region(memory, room);

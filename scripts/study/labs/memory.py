@@ -1,11 +1,13 @@
 """A phase under AddressSanitizer and UndefinedBehaviorSanitizer: what they say, and what to do about it.
 
-Each plane of the frame ends at a page that traps (common/frame/frame.c), which sees what ASan cannot.
+Each plane of the frame stands between memory that traps (common/frame/frame.c), which sees what ASan cannot.
+A program that has not ended in time is asked where it is by a signal at which ASan tells its stack.
 """
 
 import os
 import re
 import subprocess
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from study.core.registry import ROOT, Scene, Spec, find_phase
 FOLDER = "build/judge"
 SETTINGS = ("SANITIZE=1", "WARNINGS=-w")  # the sanitizers' code has warnings that the phase has not
 LINES = 24  # of their text, at most
+SECONDS, TELLING = 90.0, 10.0  # of a picture; and for the stack of one that has not ended
 MB = 1 << 20
 TOLD = {
     "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=0"
@@ -26,7 +29,9 @@ TOLD = {
     run.UNTIMED: "1",
 } | run.GENERAL
 SMALL = (61, 23)  # pixels: a row is no whole number of packets, and a plane no whole number of cache lines
-BEGIN = re.compile(r"ERROR: AddressSanitizer|runtime error:|^AddressSanitizer:|hard rss limit", re.MULTILINE)
+BEGIN = re.compile(
+    r"ERROR: AddressSanitizer|runtime error:|^AddressSanitizer:(?!DEADLY)|hard rss limit", re.MULTILINE
+)
 FOREIGN = re.compile(r"^ +#.*(?:\((?:/|build/)| \.\./)")  # frames of libraries
 PLACE = re.compile(r"((?:phases|systems|build/[\w@+]+/source)/[\w./]+\.[ch]:\d+)")
 ADVICE = {  # by the first pattern that their text has: the key of a hint, and the hint
@@ -49,6 +54,10 @@ ADVICE = {  # by the first pattern that their text has: the key of a hint, and t
         "It goes over an array's end. How many elements has it, and which is the last index of that line?",
     ),
     "freed": ("use-after|double-free|bad-free|alloc-dealloc", "It uses memory that is no longer its own."),
+    "late": (
+        "(?!)",  # no text has it
+        "Does that loop end? Or has a write to a wrong place changed what it waits for?",
+    ),
     "ends": (
         "",
         "It must return to the driver from each function of common/phase.h: no exit, no endless loop.",
@@ -65,21 +74,22 @@ class Fault:
     text: str = ""
 
 
-def fault_of(stderr: str, ended: str) -> Fault:
-    """Of a program that has failed; `ended`: how, where no sanitizer tells."""
+def fault_of(stderr: str, ended: str, late: bool = False) -> Fault:
+    """Of a program that has failed; `ended`: how, where no sanitizer tells or its time was over."""
     text = stderr.replace(f"{ROOT}/", "")
     begin = BEGIN.search(text)
     if not begin:
         said = text.strip().splitlines()[-1:]
-        return Fault("ends", ": ".join([ended, *said]))
+        return Fault("late" if late else "ends", ": ".join([ended, *said]))
     lines = text[text.rfind("\n", 0, begin.start()) + 1 :].splitlines()
     end = next((i for i, line in enumerate(lines) if line.startswith("SUMMARY")), len(lines))
     lines = [line for line in lines[: end + 1] if line.strip("= ") and not FOREIGN.search(line)][:LINES]
-    kind = next(key for key, (pattern, _) in ADVICE.items() if re.search(pattern, "\n".join(lines)))
     what = re.search(r"(?:AddressSanitizer|runtime error): (.+?)(?= on address| \(pc|$)", lines[0])
     where = PLACE.search("\n".join(lines))
-    said = [what[1] if what else lines[0], *([where[1]] if where else [])]
-    return Fault(kind, ", ".join(said), "\n".join(lines))
+    late = late and "AddressSanitizer: FPE" in lines[0]
+    kind = next(key for key, (pattern, _) in ADVICE.items() if re.search(pattern, "\n".join(lines)))
+    said = [ended if late else what[1] if what else lines[0], *([where[1]] if where else [])]
+    return Fault("late" if late else kind, ", ".join(said), "\n".join(lines))
 
 
 def looked(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Fault | None:
@@ -107,20 +117,21 @@ def looked(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Fault | N
 
 
 def _run(command: list[str]) -> Fault | None:
+    name, begin = Path(command[0]).parent.name, time.monotonic()
+    limit = child.seconds(SECONDS)
+    asked = ["timeout", "--foreground", "--signal=FPE", f"--kill-after={TELLING}", str(limit), *command]
     with sandbox.unlimited_memory():
-        limit = child.seconds(sandbox.SECONDS)
-        try:
-            done = child.run(
-                command,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                timeout=limit,
-                cwd=ROOT,
-                env=os.environ | TOLD,
-            )
-        except StudyError as error:  # killed, for it had not ended
-            return Fault("ends", str(error))
+        done = child.run(
+            asked,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            env=os.environ | TOLD,
+            timeout=limit + 2 * TELLING,
+        )
     if done.returncode in (0, run.UNSUPPORTED, run.NO_ISA):
         return None  # what it does not draw, and that it cannot run here, others say
-    return fault_of(done.stderr, f"{Path(command[0]).parent.name}: status {done.returncode}")
+    if time.monotonic() - begin >= limit:
+        return fault_of(done.stderr, f"{name}: no end after {limit:g} s", late=True)
+    return fault_of(done.stderr, f"{name}: status {done.returncode}")

@@ -39,11 +39,14 @@ PREPARED = {  # by name: what phase_prepare begins with, and what is seen of it
         "ends",
         "socket: Network",
     ),
-    "sleeps": ("sleep(1000000);", "ends", "no end after"),
+    "sleeps": ("sleep(1000000);", "late", "render.c:"),
+    "turns": ("for (volatile int i = 0; i >= 0; i = 0) {}", "late", "render.c:"),
     "large": ("char *p = malloc(64ul << 30); p[threads] = 1; fputs(p, stderr);", "room", "render.c:"),
 }
 RENDERED = {
     "behind": ("frame->rgb[3 * frame->width * frame->height] = 0;", "plane", "render.c:"),
+    "wild": ("frame->rgb[300000 + 3 * frame->width * frame->height] = 0;", "plane", "render.c:"),
+    "before": ("frame->rgb[-300000] = 0;", "plane", "render.c:"),
     "null": ("*(volatile float *)&frame->shown[view->position[0] > 1e9] = 0;", "undefined", "render.c:"),
 }
 SHORT = ("(sizeof(struct shape) + sizeof(struct turn))", "(sizeof(struct shape) + sizeof(struct turn)) - 8")
@@ -87,7 +90,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def judged(root: Path, name: str, home: Path, *words: object) -> subprocess.CompletedProcess[str]:
     command = ["scripts/stepwise", "judge", 1, "--phase", name, "--untimed", "-n", 18, *words]
-    more = {"HOME": str(home), "STEPWISE_CHILD_SECONDS": "300" if name != "sleeps" else "30"}
+    more = {"HOME": str(home), "STEPWISE_CHILD_SECONDS": "30" if name in ("sleeps", "turns") else "300"}
     environment = {key: value for key, value in os.environ.items() if key != "STEPWISE_BUILT"} | more
     return subprocess.run(list(map(str, command)), cwd=root, capture_output=True, text=True, env=environment)
 

@@ -53,6 +53,33 @@ def test_the_ladders_solution_is_accepted(judged, monkeypatch, number):
     assert status == 0 and "MISSED" not in said, said
 
 
+WRONG = {
+    (2, "opt6_wide+rsqrt"): "picture",
+    (4, "opt6_wide+first_packet"): "picture",
+    (4, "opt6_wide"): "work",
+    (6, "opt7_tiles+axis_alone"): "picture",
+    (6, "opt7_tiles"): "work",
+    (11, "opt3+one_for_all"): "picture",
+    (14, "opt4+rsqrt"): "picture",
+    (14, "opt2+norm_bounds"): None,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number, phase", WRONG)
+def test_a_wrong_solution_is_refused(judged, monkeypatch, number, phase):
+    """As many calls are counted as of the start. The project has no start; there one is right."""
+    if lacking := registry.missing_isa(Spec.parse(phase)):
+        pytest.skip(f"the CPU lacks {' '.join(lacking)}")
+    monkeypatch.setattr(judge, "_calls", lambda *_: 100)
+    monkeypatch.setattr(try_, "build_together", lambda *_: None)
+    monkeypatch.setattr(try_, "counted", lambda *_: None)
+    status, said = judged(number, "--phase", phase)
+    fails = WRONG[number, phase]
+    hint = f"Hint: {judge.labs()[number].hints[fails]}" if fails else "All of it reached."
+    assert status == (1 if fails else 0) and said.splitlines()[-1] == hint, said
+
+
 @pytest.mark.slow
 def test_other_bits_are_refused(judged, monkeypatch):
     """opt2 is fast, and its picture is another; who made it is not looked at here."""
@@ -113,13 +140,14 @@ def test_baseline_compiles_where_its_calls_are_inlined(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kept", [None, "near", "far"])
+@pytest.mark.parametrize("kept", [None, ("near", 3), ("far", 3), ("near", 1), ("near", 2)])
 def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
-    """Made up: after other frames the driver shows the first of them again. The real one does not."""
+    """Made up: after so many frames the driver shows another picture. The real one does not. A phase that
+    draws its first and fourth frame alone is timed by its second to fourth."""
     render = judge.run_driver
 
     def stale(spec, path, height, width, *, warmup, **words):
-        if warmup and kept == ("far" if "animation" in words else "near"):
+        if kept == ("far" if "animation" in words else "near", warmup):
             shown = registry.find_scene("trio").path
             return render(spec, shown, height, width, out=words["out"], timed=False)
         return render(spec, path, height, width, warmup=warmup, **words)
@@ -240,6 +268,7 @@ def test_pages_say_what_the_judge_asks():
         assert row.endswith(f" {lab.minutes} |")
         page = (PAGES / lab.page).read_text(encoding="utf-8")
         assert f"make judge LAB={number} " in page
+        assert re.search(r"^!\[.+\]\(\.\./\.\./[\w./-]+\.(svg|png)\)$", page, re.MULTILINE)
         if lab.answers:
             assert lab.hints and not lab.start
             continue

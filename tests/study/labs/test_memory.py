@@ -28,9 +28,11 @@ Shadow bytes around the buggy address:
   0x0c04: fa fa
 """
 POISON = OVERFLOW.replace("heap-buffer-overflow", "use-after-poison")
-SEGV = (
-    "==1==ERROR: AddressSanitizer: SEGV on unknown address 0x0 (pc 0x1)\n    #0 0x1 in f phases/a/b/c.c:7\n"
-)
+SEGV = """\
+AddressSanitizer:DEADLYSIGNAL
+==1==ERROR: AddressSanitizer: SEGV on unknown address 0x0 (pc 0x1)
+    #0 0x1 in f phases/a/b/c.c:7
+"""
 UNDEFINED = (
     "phases/mine/sdf.h:88:12: runtime error: index 6 out of bounds for type 'double [6]'\n    #0 0x1 in f\n"
 )
@@ -59,6 +61,20 @@ GROWN = "==9==AddressSanitizer: hard rss limit exhausted (4096Mb vs 4100Mb)\n"
 def test_what_is_said(text: str, kind: str, said: str) -> None:
     fault = memory.fault_of(text, "mine: status 1")
     assert fault.kind == kind and re.match(said, fault.said) and "\n" not in fault.said
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "said"),
+    [
+        (SEGV.replace("SEGV", "FPE"), "late", "mine: no end after 9 s, phases/a/b/c.c:7"),
+        ("", "late", "mine: no end after 9 s"),
+        (UNDEFINED + SEGV.replace("SEGV", "FPE"), "undefined", "index 6 .*, phases/mine/sdf.h:88"),
+    ],
+)
+def test_what_has_not_ended_is_said_to_be_late(text: str, kind: str, said: str) -> None:
+    """By the stack at which it was asked; what went wrong before is told first."""
+    fault = memory.fault_of(text, "mine: no end after 9 s", late=True)
+    assert fault.kind == kind and re.match(said, fault.said)
 
 
 def test_the_text_is_short_and_of_this_folder() -> None:

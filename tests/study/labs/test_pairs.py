@@ -34,8 +34,9 @@ def judged(monkeypatch, capsys):
     """Judges with a smaller scene and made-up times: status and result."""
     plain = {number: lab for number, lab in judge.labs().items() if lab.height}
     small = {
-        n: dataclasses.replace(lab, shapes=min(lab.shapes, SMALL), height=lab.height if lab.also else 4)
+        n: dataclasses.replace(lab, shapes=min(lab.shapes, SMALL), height=lab.height if lab.also else low)
         for n, lab in plain.items()
+        for low in [4 if lab.crowd else 45]
     }
 
     monkeypatch.setattr(judge, "USABLE", [0, 1])
@@ -64,6 +65,7 @@ def judged(monkeypatch, capsys):
         (8, "opt2+spheres_apart", "work"),
         (8, "opt2+fast_root_1", "picture"),
         (9, "opt5_threads", None),
+        (9, "opt5_threads+whole_tiles", "picture"),
     ],
 )
 def test_right_and_wrong_solutions(judged, monkeypatch, number, phase, fails):
@@ -94,7 +96,9 @@ def test_pruning_is_judged_on_three_scenes(judged, monkeypatch, mistake):
 
 
 def test_every_mistake_is_judged():
-    assert {path.stem for path in (ROOT / "docs" / "labs" / "mistakes").rglob("*.patch")} == PRUNING.keys()
+    """That of the lists for bundles by test_judge.py."""
+    found = {path.stem for path in (ROOT / "docs" / "labs" / "mistakes" / "opt7_tiles").iterdir()}
+    assert found == PRUNING.keys() | {"axis_alone"}
 
 
 @pytest.mark.parametrize(("now", "passed"), [(599, True), (601, False), (None, True)])
