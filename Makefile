@@ -5,6 +5,7 @@ include common/rules.mk
 
 PY := .venv/bin/python
 ARGS ?=
+PHASE ?= $(NAME)
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene opt11_ideal opt12_fused
 

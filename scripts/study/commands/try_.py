@@ -51,7 +51,7 @@ DOUBT = ' The interval holds 1: no difference can be told. More launches narrow 
 class Side:
     """What is known of one phase: its row against ground truth, its metrics against baseline, what of its
     tolerance fails, evaluations of the scene by a camera ray, and by the counting build evaluations of a
-    shape (a ray's, over all rays of a pixel), FLOPs, lanes and calls."""
+    shape (a ray's, over all rays of a pixel), FLOPs by whose costs.def, lanes and calls."""
 
     name: str
     truth: Row
@@ -61,6 +61,7 @@ class Side:
     shape_evaluations: float = math.nan
     ms: Interval | None = None
     flops: int | None = None
+    costs: str = ""
     lanes_at_work: float | None = None
     parts: dict[str, Any] | None = None
     calls: dict[str, int] | None = None
@@ -200,6 +201,14 @@ def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
     return sorted(rows, key=lambda row: -abs(row[2] - row[1]))
 
 
+def stated_by(name: str) -> str:
+    """Whose costs.def the phase or ablation has: its own, or that of the nearest phase it derives from."""
+    for patch in reversed(patches.chain(name)):
+        if "+++ b/costs.def" in patch.diff:
+            return patch.name
+    return registry.find_phase(name.partition("+")[0]).file("costs.def").parent.name
+
+
 def compared(args: argparse.Namespace) -> Compared:
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
     targets = [(spec, target) for spec in both for target in ("render", "render-count")]
@@ -218,7 +227,7 @@ def compared(args: argparse.Namespace) -> Compared:
             parts = {name: one.parts for name, one in counts_of.by_function.items()}
             machine = counts_of.flops.machine if counts_of.flops else None
             calls_of = {name: one.calls for name, one in counts_of.by_function.items()}
-            side = replace(side, flops=machine, parts=parts, calls=calls_of)
+            side = replace(side, flops=machine, costs=stated_by(spec.phase), parts=parts, calls=calls_of)
             shapes = shape_evaluations(counts_of.by_function)
             side = replace(
                 side, shape_evaluations=shapes / found[spec].truth.width / found[spec].truth.height
@@ -248,6 +257,8 @@ def cells(side: Side) -> dict[str, str]:
     declared = show.NOTHING
     if side.flops is not None:
         declared = show.number(side.flops / truth.width / truth.height, 4)
+        inherited = side.costs != side.name.partition("@")[0]
+        declared += f", by {side.costs}'s costs.def" * inherited
     lanes = show.NOTHING if side.lanes_at_work is None else show.percent(side.lanes_at_work)
     return {
         "time of a frame, ms [95 %]": show.spread(side.ms, 4),

@@ -1,6 +1,7 @@
 """scripts/stepwise try: a phase beside its parent."""
 
 import os
+import re
 import subprocess
 import threading
 import time
@@ -82,6 +83,25 @@ def test_shapes_of_groups_are_evaluated_too(lanes, all_of_them):
 
 
 @pytest.mark.parametrize(
+    ("name", "costs"),
+    [
+        ("opt2", "opt2"),
+        ("opt12_fused", "opt11_ideal"),
+        ("opt5_threads+bands", "opt5_threads"),
+        ("opt2+norm_bounds", "opt2+norm_bounds"),
+    ],
+)
+def test_costs_that_are_inherited_are_said_to_be(name, costs):
+    """A derived phase declares what its ancestor did, whatever its own files do."""
+    assert try_.stated_by(name) == costs
+    truth = SimpleNamespace(width=2, height=1, shown=SimpleNamespace(psnr_db=60), of="", wrong_ppm=0)
+    metrics = {"identical": True, "fraction_over_1_255": 0}
+    side = try_.Side(name, truth, metrics, [], 1.0, flops=8, costs=costs)
+    (declared,) = [cell for title, cell in try_.cells(side).items() if "declared" in title]
+    assert declared.startswith("4") and (costs in declared) == (costs != name)
+
+
+@pytest.mark.parametrize(
     ("words", "said"),
     [
         (["opt1+nothing"], "nothing"),
@@ -92,6 +112,15 @@ def test_shapes_of_groups_are_evaluated_too(lanes, all_of_them):
 def test_a_bad_name_is_said_with_what_would_be_right(words, said):
     with pytest.raises(cli.StudyError, match=said):
         emitted.told("try", *words)
+
+
+@pytest.mark.parametrize("goal", ["try", "demo", "verify", "hotspots"])
+@pytest.mark.parametrize("word", ["NAME", "PHASE"])
+def test_both_words_name_a_phase_to_make(goal, word):
+    named = {key: text for key, text in os.environ.items() if not key.startswith("MAKE")}
+    words = ["make", "-n", goal, f"{word}=opt3"]
+    done = subprocess.run(words, cwd=ROOT, env=named, capture_output=True, text=True)
+    assert re.search(rf"scripts/stepwise {goal} (--phase )?opt3\b", done.stdout), done.stdout + done.stderr
 
 
 # --- by hand
