@@ -36,8 +36,8 @@ static const char *why_not(struct prepared *trial, const struct scene *scene, bo
     if (!trial->analytic)
         return "a shape of this scene has no closed form: march draws it";
     if (trial->path == PATH_BVH && !trial->bvh.levels)
-        return "a BVH needs a solid, no Mandelbulb, no group, no \"repeat\" and march.max_steps of 256 "
-               "or more: list draws this scene";
+        return "a BVH needs a solid, no Mandelbulb, no group, no \"repeat\" and march.max_steps of "
+               "256 or more: list draws this scene";
     if (!set_local_cameras(trial, &scene->view, sixteen))
         return "the camera should be within march.bounds_radius, above every plane and outside of "
                "every shape's bounding sphere: march draws this scene";
