@@ -144,11 +144,43 @@ INLINE void reflect(int i, const struct seen *at, vfloat weight, struct mirror_r
     next->active = v_or(next->active, at->m);
 }
 
+INLINE struct vec normal_seen(int i, const struct ends *end) {
+    return SHAPE(i)->eval == EVAL_LINEAR ? vec_set(SHAPE(i)->normal)
+                                         : normal_towards(i, end->hit.local, end->d);
+}
+
+// Adds the colour of packets' hits on the shapes `hits`: normals and colours are chosen, then lit once.
+INLINE void shade_at_once(const struct ends end[ROWS], uint64_t hits, const struct fused *f,
+                          struct vec color[ROWS]) {
+    struct seen at[ROWS];
+    struct vec base[ROWS];
+    vfloat weight[ROWS];
+    EACH_ROW(k) {
+        base[k] = vec_set(SHAPE(0)->color);
+        set_seen(&at[k], end[k].hit.found, end[k].hit.local, end[k].p, vec_set(SHAPE(0)->normal),
+                 end[k].d, end[k].weight);
+    }
+#define SEE(i)                                                                                     \
+    EACH_ROW(k) if (hits >> (i) & 1) {                                                             \
+        vmask m = is_shape(end[k].hit.shape, i);                                                   \
+        at[k].n = vec_select(m, normal_seen(i, &end[k]), at[k].n);                                 \
+        base[k] = vec_select(m, vec_set(SHAPE(i)->color), base[k]);                                \
+    }
+    EACH_PLANE(SEE)
+    EACH_SOLID(SEE)
+#undef SEE
+    shade_seen(-1, base, at, 0, f, color, weight);
+}
+
 // Adds the colour of packets' hits on the shapes `hits`, and sets the mirror rays that leave them. every: the solids
 // that darken a plane are looked for among the frame's regions; else they are `darkeners`.
 INLINE void shade_hits(const struct ends end[ROWS], uint64_t hits, bool every, uint64_t darkeners,
                        const struct fused *f, struct vec color[ROWS],
                        struct mirror_rays next[ROWS]) {
+    if (one_light()) {
+        shade_at_once(end, hits, f, color);
+        return;
+    }
     struct seen at[ROWS];
     struct vec p[ROWS];
     vmask m[ROWS];

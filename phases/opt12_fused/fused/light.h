@@ -205,13 +205,14 @@ INLINE void add_where(vmask m, struct vec *to, struct vec a) {
     to->z = v_add_where(m, to->z, a.z);
 }
 
-// Adds the colour of shape i to the lanes of at[].m. Sets their weight behind the fog.
-INLINE void shade_shape(int i, const struct seen at[ROWS], uint64_t bits, const struct fused *f,
-                        struct vec color[ROWS], vfloat weight[ROWS]) {
-    const struct primitive *s = SHAPE(i);
-    const bool flat = s->eval == EVAL_LINEAR;
+// Adds the colour of shape i, `base`, to the lanes of at[].m. Sets their weight behind the fog.
+// i −1: of several shapes that one_light() holds for.
+INLINE void shade_seen(int i, const struct vec base[ROWS], const struct seen at[ROWS],
+                       uint64_t bits, const struct fused *f, struct vec color[ROWS],
+                       vfloat weight[ROWS]) {
+    const struct primitive *s = SHAPE(i < 0 ? 0 : i);
+    const bool flat = i >= 0 && s->eval == EVAL_LINEAR;
     struct arriving to[ROWS];
-    struct vec base = vec_set(s->color);
     vfloat reach[ROWS], specular[ROWS], share[ROWS];
     vmask lit[ROWS];
     EACH_ROW(k) {
@@ -235,13 +236,26 @@ INLINE void shade_shape(int i, const struct seen at[ROWS], uint64_t bits, const 
         find_shares(i, at, to, bits, f, share);
     const float *e = f->emission;
     EACH_ROW(k) {
-        struct vec sum = vec_scale(base, weight[k] * v_splat(0.01f));
+        struct vec sum = vec_scale(base[k], weight[k] * v_splat(0.01f)), b = base[k];
         reach[k] = reach[k] * share[k];
-        sum.x = v_madd(v_madd(base.x, to[k].facing, specular[k]) * reach[k], v_splat(e[0]), sum.x);
-        sum.y = v_madd(v_madd(base.y, to[k].facing, specular[k]) * reach[k], v_splat(e[1]), sum.y);
-        sum.z = v_madd(v_madd(base.z, to[k].facing, specular[k]) * reach[k], v_splat(e[2]), sum.z);
+        sum.x = v_madd(v_madd(b.x, to[k].facing, specular[k]) * reach[k], v_splat(e[0]), sum.x);
+        sum.y = v_madd(v_madd(b.y, to[k].facing, specular[k]) * reach[k], v_splat(e[1]), sum.y);
+        sum.z = v_madd(v_madd(b.z, to[k].facing, specular[k]) * reach[k], v_splat(e[2]), sum.z);
         add_where(at[k].m, &color[k], sum);
     }
+}
+
+INLINE void shade_shape(int i, const struct seen at[ROWS], uint64_t bits, const struct fused *f,
+                        struct vec color[ROWS], vfloat weight[ROWS]) {
+    struct vec base[ROWS];
+    EACH_ROW(k) base[k] = vec_set(SHAPE(i)->color);
+    shade_seen(i, base, at, bits, f, color, weight);
+}
+
+// Whether hits on shapes differ by normal and colour alone.
+INLINE bool one_light(void) {
+    return WHOLE_SHININESS && scene_known.model.shadows == SHADOWS_NONE &&
+           !scene_known.model.features.mirrors;
 }
 
 #define SHADE(i)                                                                                   \

@@ -27,9 +27,10 @@ pytestmark = [
 ]
 
 
-def scene(tilted: bool) -> dict:
-    """scene0; tilted: with a mirroring slope, a wall, a low lamp, no fog and a rolled camera."""
-    data = json.loads(registry.scenes()["scene0"].path.read_text())
+def scene(name: str) -> dict:
+    """A scene; tilted: scene0 with a mirroring slope, a wall, a low lamp, no fog and a rolled camera."""
+    tilted = name == "tilted"
+    data = json.loads(registry.scenes()["scene0" if tilted else name].path.read_text())
     if tilted:
         data["camera"]["up"] = [math.sin(0.3), math.cos(0.3), 0]
         data["light"]["position"] = [20, 8, 0]
@@ -55,13 +56,13 @@ def picture(data: dict, folder: Path, *options: str, **env: str) -> tuple[images
     return images.read(out), json.loads(run.stdout)["kernel"]
 
 
-@pytest.mark.parametrize(("tilted", "lanes"), [(False, "avx2"), (True, "")])
+@pytest.mark.parametrize(("name", "lanes"), [("scene0", "avx2"), ("tilted", ""), ("scene0_plain", "")])
 def test_spans_draw_what_tiles_draw(
-    tilted: bool, lanes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, lanes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Hits of closed forms to the bit: else a ray that grazes a solid hits it here and misses it there."""
     monkeypatch.setenv("STEPWISE_ISA_LIMIT", lanes)
-    data = scene(tilted)
+    data = scene(name)
     tiles, kernel = picture(data, tmp_path, "--aov", STEPWISE_CC="none")
     assert kernel != "generated"
     wanted = images.rgb(tiles).astype(float)
