@@ -127,7 +127,10 @@ INLINE vfloat through_fog(struct vec p) {
 }
 
 INLINE vfloat highlight(const struct primitive *s, vfloat shine) {
-    return v_splat(0.2f) * phong_power(v_max(shine, v_splat(1e-30f)), v_splat(s->shininess));
+    vfloat least = v_splat(1e-30f), power = phong_power(v_max(shine, least), v_splat(s->shininess));
+    if (s->shininess < 1.0f) // a low power of `least` is seen
+        power = v_select_or_zero(v_cmp_gt(shine, least), power);
+    return v_splat(0.2f) * power;
 }
 
 // Hits of a packet on one shape. n: towards the rays' origins.

@@ -41,7 +41,6 @@ static void add_plane(struct fused_frame *frame, int i) {
         double u[3], p[3][3];
         for (int k = 0; k < 3; k++) {
             u[k] = bounds * here.fall[k];
-            span_along(frame->axis[k], frame->eye, 0, p[k]);
             for (int j = 0; j < 3; j++)
                 p[k][j] = here.height * frame->axis[k][j] + here.fall[k] * frame->eye[j];
         }
@@ -76,11 +75,11 @@ static struct dark_circle circle_of(const struct fused_frame *frame, const struc
     double down = -span_dot(plane->normal, to) / far, level = sqrt(fmax(1 - down * down, 0));
     double cosine = sqrt(1 - sine * sine);
     double low = down * cosine - level * sine, high = down * cosine + level * sine;
-    c.none = height <= 0 || high <= 0; // the cone's nearest direction to the plane's
-    if (c.none || low <= 1e-6)
+    c.none = height > 0 ? high <= 0 : low >= 0; // no direction of the cone leads to the plane
+    if (c.none || height <= 0 || low <= 1e-6)
         return c;
     double from = (level * cosine - down * sine) / high, end = (level * cosine + down * sine) / low;
-    c.radius = 0.5 * height * (end - from);
+    c.radius = 0.5 * height * (end - from) * (1 + POINT_ERROR); // float knows its rim no better
     for (int k = 0; k < 3; k++) {
         double flat = level > 1e-9 ? (to[k] / far + plane->normal[k] * down) / level : 0;
         c.centre[k] = frame->light[k] + to[k] * share - plane->normal[k] * height +
@@ -175,12 +174,12 @@ static void set_pairs(struct fused_frame *frame, int j) {
     }
 }
 
-// The greatest n·p of all solids but i.
+// The greatest n·p of all solids that a mirror ray of i may meet: not i, if it is convex.
 static double top_of_others(const struct fused_frame *frame, int i, const double n[3]) {
     double top = -INFINITY, local[3];
     for (int j = 0; j < frame->shapes; j++) {
         const struct primitive *s = &frame->shape[j];
-        if (j == i || !(frame->solids >> j & 1))
+        if ((j == i && s->convex) || !(frame->solids >> j & 1))
             continue;
         for (int a = 0; a < 3; a++)
             local[a] = span_dot(s->row[a], n);
@@ -262,10 +261,7 @@ static void set_view(const struct known_scene *scene, const struct view *view, i
     frame->reach[2] = sqrt(1 + x * x + y * y);
     frame->bounds_radius = scene->model.march.bounds_radius;
     frame->fog = scene->model.fog;
-    // A hard shadow's ray is as wide as float's errors.
-    frame->slope = scene->model.shadows == SHADOWS_SOFT || scene->model.shadows == SHADOWS_IDEAL
-                       ? 1 / scene->model.shadow_strength
-                       : 1e-5;
+    frame->slope = scene->model.shadows == SHADOWS_NONE ? 1e-5 : 1 / scene->model.shadow_strength;
 }
 
 // Sorts the shapes into planes and solids. Returns false if spans cannot draw one of them.

@@ -140,14 +140,14 @@ static inline void cut_by_cone(struct span_item *item, const struct fused_frame 
 }
 
 // The outline of a solid: `may` by tangents, or by edges if they are all of the outline; `sure` by the polygon of
-// points where the tangents touch.
+// points where the tangents touch, if it goes about the centre.
 static inline void set_outline(struct span_item *may, struct span_item *sure,
                                const struct fused_frame *frame, const struct span_hull *hull,
                                const struct span_source *eye) {
     const struct primitive *s = hull->shape;
     struct span_tangents t;
     double edge[TANGENTS][3], ahead[3];
-    bool exact = s->type == SHAPE_BOX || s->type == SHAPE_OCTAHEDRON, corner[TANGENTS];
+    bool exact = s->type == SHAPE_BOX || s->type == SHAPE_OCTAHEDRON, corner[TANGENTS], any = false;
     set_tangents(hull, eye, &t);
     for (int k = 0; k < 3; k++)
         ahead[k] = span_dot(s->row[k], frame->axis[2]);
@@ -155,14 +155,14 @@ static inline void set_outline(struct span_item *may, struct span_item *sure,
         double from[3], to[3];
         span_along(t.point[k], eye->at, -1, from);
         span_along(t.point[(k + 1) % TANGENTS], eye->at, -1, to);
-        span_cross(from, to, edge[k]);
-        t.touch = span_dot(from, ahead) > 1e-3 * eye->far;
+        span_cross(to, from, edge[k]);
         corner[k] = span_dot(edge[k], edge[k]) > 1e-24 * span_dot(from, from) * span_dot(to, to);
-        if (span_dot(edge[k], eye->at) < 0)
-            for (int j = 0; j < 3; j++)
-                edge[k][j] = -edge[k][j];
+        any = any || corner[k];
+        t.touch = span_dot(from, ahead) > 1e-3 * eye->far &&
+                  (!corner[k] || span_dot(edge[k], eye->at) > 0);
         exact = exact && (!corner[k] || holds_hull(hull, eye->at, edge[k]));
     }
+    t.touch = t.touch && any;
     exact = exact && t.touch;
     for (int k = 0; k < TANGENTS; k++) {
         if (t.touch && corner[k]) {

@@ -41,7 +41,7 @@ static inline double whole_power(double a, int n) {
 // The light of a plane along a row from column x = low to high, nodes included. fall, point, light: at slope times the
 // place, see row_of(); times[3]: the highlight's numerator, a quadratic.
 struct row_light {
-    double low, high, fall[2], least_fall, most_fall, lit, fog, strength, shine, bright;
+    double low, high, fall[2], least_fall, most_fall, lit, fog, strength, shine, bright, dim;
     struct linear look, point, light;
     double times[3];
 };
@@ -73,6 +73,7 @@ static struct row_light row_of(const struct fused_frame *frame, const struct pla
     r.shine = s->shininess;
     for (int k = 0; k < 3; k++)
         r.bright = fmax(r.bright, frame->emission[k] * fmax(1, s->color[k]));
+    r.dim = 0.01 * fmax(fmax(1, s->color[0]), fmax(s->color[1], s->color[2]));
     return r;
 }
 
@@ -115,13 +116,14 @@ static double error_of(const struct row_light *r, double radius) {
     // Without fog, light is a product of powers: its sixth coefficient is 84 times the nearest zero's, or less.
     double facing = r->lit * per, diffuse = facing * per, clear = fmax(aside, sway);
     clear = 84 * clear * clear * clear * clear * clear * clear;
-    double sum = diffuse * fmin(1, fogged + clear);
+    double shine =
+        0.2 * per * shine_size(r, radius, 1 / (least_light * r->look.least * sqrt(0.75)));
+    double sum = diffuse * fmin(1, fogged + clear) + shine;
     double tall = fmax(length_at(&r->light, r->low), length_at(&r->light, r->high));
     if (r->lit * r->least_fall < 1.001 * tall / r->strength) // else the plane cannot darken itself
-        sum += diffuse * r->strength * facing * fmin(1, clear);
-    sum += 0.2 * per * shine_size(r, radius, 1 / (least_light * r->look.least * sqrt(0.75)));
+        sum += (diffuse + shine) * r->strength * facing * fmin(1, clear);
     double third = radius * radius * radius;
-    return 3.516 * (r->bright * sum + 0.01 * fmin(1, fogged)) / (third * third);
+    return 3.516 * (r->bright * sum + r->dim * fmin(1, fogged)) / (third * third);
 }
 
 // The greatest spacing of nodes, in pixels of this width, whose error is below `most`: 64, 32 or 16; or 8, too little.

@@ -124,8 +124,8 @@ static bool is_clear(const struct random_scene *scene, const double p[3]) {
         const struct primitive *s = &scene->shape[i];
         double to[3];
         span_along(s->centre, p, -1, to);
-        clear = clear &&
-                (i < PLANES ? height_of(s, p) > 0.1 * unit : sqrt(dot3(to, to)) > 1.02 * s->bound);
+        clear = clear && (i < PLANES ? height_of(s, p) > 0.1 * unit
+                                     : sqrt(dot3(to, to)) > 1.0002 * s->bound);
     }
     return clear;
 }

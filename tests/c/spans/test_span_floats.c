@@ -140,17 +140,8 @@ static bool middle_on_plane(int i, int j, bool mirrored, double p[3]) {
     return (mirrored ? t > 0 && t < 1 : t > 1) && dot3(p, p) < 0.9 * BOUNDS * BOUNDS;
 }
 
-// Turns the telescope to where solid j begins to be seen on plane i, from p on.
-static void aim_at_begin(int i, int j, bool mirrored, double in[3]) {
-    double out[3], side[3];
-    direction_from(side);
-    if (!mirrored) { // where a shadow is farthest from the light, its region is tight
-        span_along(in, scene.view.light_position, -1, out);
-        span_along(out, side, 0.05 * sqrt(dot3(out, out)), side);
-        normalize3(side);
-    }
-    span_along(in, side, 60 * unit, out);
-    span_along(out, scene.shape[i].row[0], -height_of(&scene.shape[i], out), out);
+// Turns the telescope to where solid j begins to be seen on plane i, between two points of it.
+static void aim_between(int i, int j, bool mirrored, double in[3], double out[3]) {
     for (int step = 0; step < STEPS; step++) {
         double at[3];
         vmask seen[ROWS];
@@ -161,6 +152,20 @@ static void aim_at_begin(int i, int j, bool mirrored, double in[3]) {
         seen_on_plane(i, j, mirrored, SIDE / 2, SIDE / 2, true, seen);
         memcpy(v_mask_bits(seen[0]) & 1 ? in : out, at, sizeof at);
     }
+}
+
+// The same, from a point where it is seen.
+static void aim_at_begin(int i, int j, bool mirrored, double in[3]) {
+    double out[3], side[3];
+    direction_from(side);
+    if (!mirrored) { // where a shadow is farthest from the light, its region is tight
+        span_along(in, scene.view.light_position, -1, out);
+        span_along(out, side, 0.05 * sqrt(dot3(out, out)), side);
+        normalize3(side);
+    }
+    span_along(in, side, 60 * unit, out);
+    span_along(out, scene.shape[i].row[0], -height_of(&scene.shape[i], out), out);
+    aim_between(i, j, mirrored, in, out);
 }
 
 // What the telescope sees of solid j on plane i, against what the spans and circles say. Returns how many packets do.
@@ -215,6 +220,43 @@ static void hold_begins(bool mirrored) {
 
 TEST(test_where_shadows_begin) {
     hold_begins(false);
+}
+
+// Sets so low a light that the shadow of solid j on plane i ends far off, in a circle of 1e5: float hardly knows its rim.
+static void lower_light(int i, int j) {
+    const struct primitive *plane = &scene.shape[i], *s = &scene.shape[j];
+    double side[3], at[3], low = 0, high = 60 * unit;
+    direction_from(side);
+    span_along(side, plane->row[0], -dot3(side, plane->row[0]), side);
+    span_along(s->centre, side, unit * random_from(4, 9) / sqrt(dot3(side, side)), at);
+    scene.known.model.shadow_strength = random_from(5e4, 1e5) / unit;
+    for (int step = 0; step < STEPS; step++) {
+        span_along(at, plane->row[0], 0.5 * (low + high), scene.view.light_position);
+        set_fused();
+        bool wide = true;
+        for (int k = 0; k < fused.frame.dark_count; k++)
+            if (fused.frame.dark[k].plane == i && fused.frame.dark[k].solid == j)
+                wide = fused.frame.dark[k].radius_sq > 1e10f;
+        *(wide ? &low : &high) = 0.5 * (low + high);
+    }
+    span_along(at, plane->row[0], high, scene.view.light_position);
+}
+
+TEST(test_where_wide_shadows_begin) {
+    int count = 0;
+    for (int n = 0; n < CLOSE; n++) {
+        double in[3], out[3];
+        set_near_or_far(n);
+        int i = n / 2 % PLANES, j = PLANES + n / 2 / PLANES % SOLIDS;
+        lower_light(i, j);
+        if (!middle_on_plane(i, j, false, in))
+            continue;
+        const double *light = scene.view.light_position, *up = scene.shape[i].row[0];
+        span_along(light, up, -height_of(&scene.shape[i], light), out);
+        aim_between(i, j, false, in, out);
+        count += hold_telescope(i, j, false) > 0;
+    }
+    assert_true(count > CLOSE / 20);
 }
 
 TEST(test_where_mirrored_solids_begin) {
@@ -297,7 +339,7 @@ TEST(test_guards_in_float) {
             m[k] = fused.frame.guard[i][g][k];
         for (int s = PLANES; s < SHAPES; s++) {
             farthest_point(&scene, s, m, o);
-            if (s != i && dot3(o, m) > most) {
+            if ((s != i || !scene.shape[s].convex) && dot3(o, m) > most) {
                 most = dot3(o, m);
                 memcpy(top, o, sizeof top);
                 j = s;

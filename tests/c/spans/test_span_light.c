@@ -65,6 +65,22 @@ static bool darkened_point(const struct random_scene *scene, int i, const double
     return darkens(scene, p, z, q);
 }
 
+// Holds p, a point of plane i that solid j darkens, against regions and spans. Returns its region.
+static int hold_darkened(struct random_scene *scene, int i, int j, const double p[3], double *far) {
+    int region = 0;
+    while (frame.dark[region].plane != i || frame.dark[region].solid != j)
+        assert_true(++region < frame.dark_count);
+    double to[3];
+    for (int a = 0; a < 3; a++)
+        to[a] = p[a] - frame.dark[region].centre[a];
+    *far = dot3(to, to) / frame.dark[region].radius_sq;
+    assert_true(*far <= 1);
+    const struct fused_span *span = span_of_point(scene, p);
+    assert_true(span->kind == SPAN_SOLID || (span->hits >> i & 1));
+    assert_true(span->kind == SPAN_SOLID || (span->darkeners >> j & 1));
+    return region;
+}
+
 TEST(test_darkened_points) {
     int seen = 0, tight = 0;
     for (int n = 0; n < SCENES; n++) {
@@ -81,23 +97,52 @@ TEST(test_darkened_points) {
                 v[a] = -v[a];
             if (!darkened_point(&scene, i, z, v, frame.slope, p) || !is_nearest_plane(&scene, i, p))
                 continue;
-            int region = 0;
-            while (frame.dark[region].plane != i || frame.dark[region].solid != j)
-                assert_true(++region < frame.dark_count);
-            double to[3];
-            for (int a = 0; a < 3; a++)
-                to[a] = p[a] - frame.dark[region].centre[a];
-            assert_true(dot3(to, to) <= frame.dark[region].radius_sq);
-            most[region] = fmax(most[region], dot3(to, to) / frame.dark[region].radius_sq);
-            const struct fused_span *span = span_of_point(&scene, p);
-            assert_true(span->kind == SPAN_SOLID || (span->hits >> i & 1));
-            assert_true(span->kind == SPAN_SOLID || (span->darkeners >> j & 1));
+            double far;
+            int region = hold_darkened(&scene, i, j, p, &far);
+            most[region] = fmax(most[region], far);
             seen++;
         }
         for (int r = 0; r < frame.dark_count; r++)
             tight += most[r] > 0.8;
     }
     assert_true(seen > SCENES * POINTS / 50 && tight > SCENES / 10);
+}
+
+// A large sphere that is sunk in a plane, and a low light far from it: the apex of the cone between them is below the plane.
+TEST(test_sunken_solids) {
+    enum { S = SHAPES - 2 };
+    int seen = 0;
+    for (int n = 0; n < SCENES; n++) {
+        struct random_scene scene;
+        double side[3], p[3], z[3], far, *light = scene.view.light_position;
+        set_scene(&scene, COLUMNS, LINES);
+        struct primitive *s = &scene.shape[S];
+        const double *up = scene.shape[0].row[0];
+        assert_true(s->type == SHAPE_SPHERE);
+        set_size(s, 10);
+        direction_from(side);
+        span_along(side, up, -dot3(side, up), side);
+        normalize3(side);
+        span_along(s->centre, up, -height_of(&scene.shape[0], s->centre) - 0.4 * s->a, s->centre);
+        span_along(s->centre, side, random_from(40, 50), light);
+        span_along(light, up, 1 - height_of(&scene.shape[0], light), light);
+        scene.known.model.shadow_strength = 5;
+        if (!is_clear(&scene, light) || !is_clear(&scene, scene.view.position))
+            continue;
+        set_frame(&scene);
+        for (int k = 0; k < POINTS; k++) {
+            direction_from(z);
+            span_along(s->centre, z, s->a * random_from(0, 1), z);
+            direction_from(p);
+            span_along(s->centre, p, random_from(0, 60), p);
+            span_along(p, up, -height_of(&scene.shape[0], p), p);
+            if (!darkens(&scene, p, z, frame.slope) || !is_nearest_plane(&scene, 0, p))
+                continue;
+            hold_darkened(&scene, 0, S, p, &far);
+            seen++;
+        }
+    }
+    assert_true(seen > SCENES);
 }
 
 // Solids on which another may cast its shadow.
@@ -175,9 +220,9 @@ static void parts_at(const struct random_scene *scene, int i, double x, double y
     double far = sqrt(dot3(l, l)), square = dot3(p, p), shine = fmax(dot3(m, l) / far, 0);
     double fogged = exp(-scene->known.model.fog * square * sqrt(square));
     part[FACING] = dot3(plane->row[0], l) / far;
-    part[AMBIENT] = 0.01 * fogged;
+    part[AMBIENT] = 0.01 * plane->color[0] * fogged;
     part[LIGHT] = view->light_emission[0] * fogged / far *
-                  (part[FACING] + 0.2 * pow(shine, plane->shininess));
+                  (plane->color[0] * part[FACING] + 0.2 * pow(shine, plane->shininess));
 }
 
 static double color_of(const struct random_scene *scene, const double part[PARTS]) {
@@ -263,6 +308,11 @@ TEST(test_polynomials) {
         for (int k = 0; k < 3 && n % 3 == 0; k++) // just above what the row shows
             lamp[k] = row.p[k] + random_from(-2, 2) + random_from(1, 4) * plane->row[0][k];
         scene.known.model.fog = n % 3 == 0 ? 0 : pow(10, random_from(-6, -3));
+        if (n % 5 == 0) // brighter than its light
+            for (int k = 0; k < 3; k++) {
+                scene.view.light_emission[k] = 0;
+                plane->color[k] = 1000;
+            }
         if (height_of(plane, lamp) < 0.3)
             continue;
         set_frame(&scene);

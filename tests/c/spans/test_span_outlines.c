@@ -143,6 +143,28 @@ TEST(test_pictures) {
     assert_true(kinds[SPAN_MIXED] < all * 6 / 10);
 }
 
+// The eye next to a plate's corner or side.
+TEST(test_near_solids) {
+    int kinds[4] = {0, 0, 0, 0};
+    for (int n = 0; n < 4 * SCENES; n++) {
+        struct random_scene scene;
+        double side[3], at[3];
+        set_scene(&scene, 203, 75);
+        struct primitive *s = &scene.shape[PLANES + n % SOLIDS];
+        s->size[n / SOLIDS % 3] *= (float)pow(10, random_from(-2, 0));
+        direction_from(side);
+        span_along(s->centre, side, s->bound * (1.0003 + pow(10, random_from(-3, 0))),
+                   scene.view.position);
+        if (!is_clear(&scene, scene.view.position))
+            continue;
+        direction_from(side);
+        span_along(s->centre, side, 1.5 * s->bound, at);
+        aim(&scene, at);
+        hold_picture(&scene, kinds);
+    }
+    assert_true(kinds[SPAN_SOLID] > 0);
+}
+
 // Looks through a telescope at a place where shape i begins: what float does there is many pixels wide.
 TEST(test_where_shapes_begin) {
     int kinds[4] = {0, 0, 0, 0};

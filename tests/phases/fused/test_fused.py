@@ -36,6 +36,7 @@ def scene(name: str) -> dict:
         data["light"]["position"] = [20, 8, 0]
         data["fog"] = 0
         data["materials"]["clay"] = {"color": [0.8, 0.5, 0.3], "reflectivity": 0.4, "shininess": 11.5}
+        data["materials"]["blue"]["shininess"] = 0.05
         data["shapes"][0] |= {"normal": [0.2, 1, -0.1], "material": "clay"}
         data["shapes"].append({"type": "plane", "normal": [1, 0, 0], "offset": -9, "material": "blue"})
     return data
