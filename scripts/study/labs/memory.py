@@ -133,5 +133,7 @@ def _run(command: list[str]) -> Fault | None:
     if done.returncode in (0, run.UNSUPPORTED, run.NO_ISA):
         return None  # what it does not draw, and that it cannot run here, others say
     if time.monotonic() - begin >= limit:
-        return fault_of(done.stderr, f"{name}: no end after {limit:g} s", late=True)
+        return fault_of(
+            done.stderr, f"{name}: no end after {limit:g} s ({child.LIMIT} allows more)", late=True
+        )
     return fault_of(done.stderr, f"{name}: status {done.returncode}")
