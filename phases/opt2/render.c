@@ -1,27 +1,9 @@
 // The phase's entry points (common/phase.h) and its loop over pixels: one ray through the centre of
 // each.
-#include <stdlib.h>
-
 #include "phase.h"
 #include "trace.h"
 
-struct prepared *phase_prepare(const struct model *model, int threads) {
-    (void)threads; // one
-    size_t shapes = (size_t)model->shape_count, nodes = (size_t)model->node_count;
-    struct prepared *prepared =
-        calloc(1, sizeof *prepared + shapes * sizeof *prepared->primitives +
-                      nodes * INSTRUCTIONS_PER_NODE * sizeof *prepared->instructions);
-    if (!prepared)
-        return NULL;
-    prepared->primitives = (struct primitive *)(prepared + 1);
-    prepared->instructions = (struct instruction *)(prepared->primitives + shapes);
-    phase_update(prepared, model);
-    return prepared;
-}
-
-void phase_release(struct prepared *prepared) {
-    free(prepared);
-}
+#include "scene/prepare_once.h" // needs trace.h
 
 // The unit direction of the ray through the pixel's centre.
 static void get_direction(int column, int row, const struct frame *frame, const struct view *view,
