@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "phase.h"
-#include "trace.h"
+#include "rods.h"
 
 const char *phase_unsupported(const struct scene *scene) {
     (void)scene;
@@ -62,8 +62,8 @@ static void store(struct frame *frame, size_t pixel, const struct shaded *result
     frame->evals[pixel] = (float)cost.evals;
     frame->planes[0][pixel] = (float)cost.start;
     frame->planes[1][pixel] = (float)hit->evals;
-    frame->planes[2][pixel] = (float)hit->last_t;
-    frame->planes[3][pixel] = (float)hit->last_distance;
+    frame->planes[2][pixel] = (float)cost.last_t;
+    frame->planes[3][pixel] = (float)cost.last_distance;
 }
 
 void put_pixel(const struct world *world, struct frame *frame, int column, int row,
@@ -71,7 +71,7 @@ void put_pixel(const struct world *world, struct frame *frame, int column, int r
     size_t pixel = (size_t)row * (size_t)frame->width + (size_t)column;
     struct shaded result = {.hit = *hit};
     if (state_of(world->scene)->settings.map) { // the march alone, as the article draws it
-        vec_set((double[3]){hit->last_t, hit->last_distance, hit->evals}, result.color);
+        vec_set((double[3]){cost.last_t, cost.last_distance, hit->evals}, result.color);
     } else {
         double direction[3];
         get_direction(column, row, frame, world->view, direction);
@@ -83,14 +83,14 @@ void put_pixel(const struct world *world, struct frame *frame, int column, int r
 
 // opt2's ray_march(), which keeps the last point and the distance there.
 static void march_pixel(const double *origin, const double *direction, const struct prepared *scene,
-                        struct hit *hit) {
+                        struct hit *hit, struct pixel_cost *cost) {
     *hit = (struct hit){.shape = -1};
     vec_set(origin, hit->point);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         double distance = scene_distance(hit->point, scene, &hit->shape);
-        hit->evals++;
-        hit->last_t = hit->t;
-        hit->last_distance = distance;
+        cost->evals = ++hit->evals;
+        cost->last_t = hit->t;
+        cost->last_distance = distance;
         hit->t += distance;
         vec_along(origin, direction, hit->t, hit->point);
         if (distance < scene->model.march.hit_distance) {
@@ -109,9 +109,10 @@ static void march_pixels(const struct world *world, struct frame *frame) {
         for (int column = 0; column < frame->width; column++) {
             double direction[3];
             struct hit hit;
+            struct pixel_cost cost = {0};
             get_direction(column, row, frame, world->view, direction);
-            march_pixel(world->view->position, direction, world->scene, &hit);
-            put_pixel(world, frame, column, row, &hit, (struct pixel_cost){hit.evals, 0.0});
+            march_pixel(world->view->position, direction, world->scene, &hit, &cost);
+            put_pixel(world, frame, column, row, &hit, cost);
         }
 }
 

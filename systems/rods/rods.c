@@ -1,7 +1,7 @@
 // Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012). A rod holds all rays through a rectangle of pixels.
 // It marches until the scene is closer than its radius, and is then split in four, down to pixels. The article's rods
 // are parallel; here the radius grows with t, as in cone marching.
-#include "trace.h"
+#include "rods.h"
 
 double scene_distance(const double *p, const struct prepared *scene, int *nearest) {
     return sdf(p, scene, nearest);
@@ -73,10 +73,8 @@ static void fill_rod(const struct rod *rod, const struct rod_end *at, double sta
     struct hit hit = {.found = at->found,
                       .t = at->t + at->distance,
                       .shape = at->found ? at->shape : -1,
-                      .evals = at->steps,
-                      .last_t = at->t,
-                      .last_distance = at->distance};
-    struct pixel_cost cost = {rod->evals + at->steps - rod->steps, start};
+                      .evals = at->steps};
+    struct pixel_cost cost = {rod->evals + at->steps - rod->steps, start, at->t, at->distance};
     for (int row = rod->top; row < rod->bottom; row++)
         for (int column = rod->left; column < rod->right; column++) {
             put_pixel(world, frame, column, row, &hit, cost);
