@@ -109,6 +109,22 @@ static inline vdouble v_double_dot(struct vec_double a, const double b[3]) {
     return v_double_madd(a.x, b[0], v_double_madd(a.y, b[1], v_double_mul(a.z, b[2])));
 }
 
+// Returns ahead + x·right + y·up at unit length: a camera's direction.
+static inline struct vec_double v_double_look(vdouble x, vdouble y, const double ahead[3],
+                                              const double right[3], const double up[3]) {
+    vdouble d[3];
+    vhalf one = v_half_splat(1.0), low = v_half_splat(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = v_double_madd(x, right[i], v_double_mul(y, up[i]));
+        d[i] = v_double_sub(d[i], -ahead[i]);
+        low = v_half_madd(d[i].low, d[i].low, low);
+        high = v_half_madd(d[i].high, d[i].high, high);
+    }
+    vdouble per = {one / v_half_sqrt(low), one / v_half_sqrt(high)};
+    return (struct vec_double){v_double_times(d[0], per), v_double_times(d[1], per),
+                               v_double_times(d[2], per)};
+}
+
 static inline vfloat v_double_to_float(vdouble a) {
     return v_from_halves(a.low, a.high);
 }

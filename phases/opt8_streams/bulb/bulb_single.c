@@ -143,11 +143,7 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
         vfloat t[INTERLEAVED], t_lo[INTERLEAVED], evals[INTERLEAVED]; // before the last step
         int before = 0, ended;
         for (int k = 0; k < INTERLEAVED; k++) {
-            int from = first + k * LANES, left = count - from;
-            left = left < 0 ? 0 : left < LANES ? left : LANES;
-            struct bulb_lanes lanes = {.live = (1u << left) - 1};
-            for (int i = 0; i < B_LANE; i++)
-                lanes.field[i] = left ? v_load(&rays[i][from]) : v_splat(2.0f);
+            struct bulb_lanes lanes = bulb_lanes_of(rays, first + k * LANES, count);
             p[k] = bulb_packet_of(&lanes);
             before += v_count(p[k].done);
         }
@@ -173,11 +169,8 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
 static void march_to_ends(const struct primitive *s, int count, vfloat hit_distance, vfloat cap,
                           struct ray_queues *queues) {
     struct bulb_lanes lanes[INTERLEAVED];
-    for (int k = 0; k < INTERLEAVED; k++) {
-        lanes[k].live = 0;
-        for (int i = 0; i < B_LANE; i++) // spare lanes work on this point, without a result
-            lanes[k].field[i] = v_splat(2.0f);
-    }
+    for (int k = 0; k < INTERLEAVED; k++)
+        lanes[k] = bulb_lanes_of(queues->bulb, 0, 0);
     int next = 0;
     unsigned live;
     do {
@@ -208,12 +201,6 @@ void march_single_bulb(struct trace_context *world) {
     step_first_together(s, queues->bulb, queues->single_count, hit_distance, cap);
     march_to_ends(s, queues->single_count, hit_distance, cap, queues);
     queues->single_count = 0;
-}
-
-static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int more, int at) {
-    vfloat near = v_double_to_float(a);
-    v_compress_store(m, near, field[0] + at);
-    v_compress_store(m, v_double_residual(a, near), field[more] + at);
 }
 
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
@@ -249,9 +236,7 @@ void queue_camera_rays_single(struct vec direction, struct vec_double exact, vma
         return;
     float (*field)[BULB_ROOM] = queues->bulb;
     int at = queues->single_count;
-    const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
-    for (int i = 0; i < 6; i++)
-        pack_wide(near, values[i], field + i, B_LOW, at);
+    pack_bulb_rays(near, c, d, field, at);
     pack_wide(near, path, field + B_T, 1, at);
     pack_wide(near, back, field + B_BEFORE, 1, at);
     v_store(v_iota() + v_splat((float)at), field[B_RAY] + at);

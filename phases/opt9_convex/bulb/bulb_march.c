@@ -118,11 +118,7 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
         vfloat t[INTERLEAVED], rest[INTERLEAVED]; // before the last step
         int before = 0, steps = 0;
         for (int k = 0; k < INTERLEAVED; k++) {
-            int from = first + k * LANES, left = count - from;
-            left = left < 0 ? 0 : left < LANES ? left : LANES;
-            struct bulb_lanes lanes = {.live = (1u << left) - 1};
-            for (int i = 0; i < B_LANE; i++)
-                lanes.field[i] = left ? v_load(&rays[i][from]) : v_splat(2.0f);
+            struct bulb_lanes lanes = bulb_lanes_of(rays, first + k * LANES, count);
             p[k] = bulb_packet_of(&lanes);
             t[k] = p[k].t;
             rest[k] = p[k].rest;
@@ -150,11 +146,8 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
 static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                          const struct limits *limits, float close, struct worker_scratch *scratch) {
     struct bulb_lanes lanes[INTERLEAVED];
-    for (int k = 0; k < INTERLEAVED; k++) {
-        lanes[k].live = 0;
-        for (int i = 0; i < B_LANE; i++) // any point: unused lanes are computed too
-            lanes[k].field[i] = v_splat(2.0f);
-    }
+    for (int k = 0; k < INTERLEAVED; k++)
+        lanes[k] = bulb_lanes_of(rays, 0, 0);
     float hit = (float)limits->hit_distance;
     vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
     float most = (float)limits->max_steps, steps = 0.0f;
@@ -216,12 +209,6 @@ void march_bulb(const struct primitive *s, int count, const struct limits *limit
     scratch->close_count = scratch->close_first = 0;
 }
 
-static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
-    vfloat near = v_double_to_float(a);
-    v_compress_store(m, near, field[0] + at);
-    v_compress_store(m, v_double_residual(a, near), field[B_LOW] + at);
-}
-
 int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
                     const struct packet_ray *ray, vfloat end, int slot,
                     const struct prepared *scene, struct worker_scratch *scratch) {
@@ -245,9 +232,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     if (!v_any(near))
         return count;
     float (*field)[BULB_ROOM] = scratch->bulb;
-    const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
-    for (int i = 0; i < 6; i++)
-        pack_wide(near, values[i], field + i, count);
+    pack_bulb_rays(near, c, d, field, count);
     vfloat t = v_double_to_float(way);
     vfloat rest = v_double_residual(way, t);
     start_at(&t, &rest, -half);

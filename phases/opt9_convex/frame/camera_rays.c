@@ -59,11 +59,6 @@ static struct camera_double exact_eye_of(const struct primitive *s, const struct
     return eye;
 }
 
-static inline vdouble v_double_add(vdouble a, double b) {
-    vhalf each = v_half_splat(b);
-    return (vdouble){a.low + each, a.high + each};
-}
-
 static struct vec_double exact_look(const struct tile *tile, struct pixel_block block,
                                     const struct camera_double *eye, const struct job *job) {
     double per_height = job->view->tan_half_fov / job->frame->height;
@@ -73,19 +68,7 @@ static struct vec_double exact_look(const struct tile *tile, struct pixel_block 
     vfloat y = v_nmadd(two, tile->below, v_splat((float)(job->frame->height - 1 - 2 * block.row)));
     vdouble right = v_double_mul(v_double_sum(x, zero), per_height);
     vdouble above = v_double_mul(v_double_sum(y, zero), per_height);
-    vdouble d[3];
-    vhalf low = v_half_splat(0.0), high = low;
-    for (int i = 0; i < 3; i++) {
-        d[i] = v_double_add(v_double_madd(right, eye->across[i], v_double_mul(above, eye->up[i])),
-                            eye->ahead[i]);
-        low = v_half_madd(d[i].low, d[i].low, low);
-        high = v_half_madd(d[i].high, d[i].high, high);
-    }
-    low = v_half_splat(1.0) / v_half_sqrt(low);
-    high = v_half_splat(1.0) / v_half_sqrt(high);
-    for (int i = 0; i < 3; i++)
-        d[i] = (vdouble){d[i].low * low, d[i].high * high};
-    return (struct vec_double){d[0], d[1], d[2]};
+    return v_double_look(right, above, eye->ahead, eye->across, eye->up);
 }
 
 static inline vdouble v_double_splat(double a) {
