@@ -143,15 +143,8 @@ static void march_size(int left, int top, const struct rod_size *size, const str
             if (counts[k] > 0)
                 set_out_rods(first + k * LANES, counts[k], left, top, size, job, eye, world, k,
                              rods, &packet[k]);
-            else
-                group->t[k] = v_splat(0.0f);
         }
-        group->count = 0;
-        for (int k = 0; k < GROUP; k++) {
-            group->high[k] = v_select(group->live[k], group->packet[k].high, v_splat(-INFINITY));
-            if (v_any(group->live[k]))
-                group->marching[group->count++] = k;
-        }
+        start_packets(group);
         struct sole_shape sole = {.shape = -1};
         while (group->count > 0) {
             scene_distances(group, world->scene, &sole);
