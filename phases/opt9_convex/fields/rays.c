@@ -289,6 +289,43 @@ static vmask enter_balls(const struct field *f, const int *list, int count, stru
     }
 }
 
+// Returns which of the spheres i to i + LANES − 1 the frustum may meet.
+static unsigned spheres_in_frustum(const struct sphere_array *s, int i, const struct vec axes[3],
+                                   const float centre[3], const float edges[4],
+                                   const float sides[4]) {
+    struct vec p = {v_load(s->x + i), v_load(s->y + i), v_load(s->z + i)};
+    vfloat x = vec_dot(axes[0], p) + v_splat(centre[0]),
+           y = vec_dot(axes[1], p) + v_splat(centre[1]);
+    vfloat z = vec_dot(axes[2], p) + v_splat(centre[2]), r = v_load(s->radius + i);
+    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
+    r = v_madd(r, v_splat(1 + 1e-5f), v_splat(2e-6f * size)); // for rounding
+    vfloat out = v_splat(0.0f) - z;
+    out = v_max(out, v_msub(v_splat(edges[0]), z, x) * v_splat(1 / sides[0]));
+    out = v_max(out, v_nmadd(v_splat(edges[1]), z, x) * v_splat(1 / sides[1]));
+    out = v_max(out, v_msub(v_splat(edges[2]), z, y) * v_splat(1 / sides[2]));
+    out = v_max(out, v_nmadd(v_splat(edges[3]), z, y) * v_splat(1 / sides[3]));
+    int count = s->count - i < LANES ? s->count - i : LANES;
+    return v_mask_bits(v_and(v_cmp_lt(out, r), v_mask_first(count)));
+}
+
+bool field_in_frustum(const struct field *f, const struct vec axes[3], const float centre[3],
+                      const float edges[4], const float sides[4]) {
+    const struct sphere_array *balls = &f->balls.level[0], *nodes = &f->balls.level[1];
+    int of_nodes = f->balls.levels > 1 ? nodes->count : 1;
+    for (int k = 0; k < of_nodes; k += LANES) {
+        unsigned in = 1;
+        if (f->balls.levels > 1)
+            in = spheres_in_frustum(nodes, k, axes, centre, edges, sides);
+        for (; in; in &= in - 1) {
+            int i = (k + __builtin_ctz(in)) * BVH_WIDTH, end = i + BVH_WIDTH;
+            for (; i < end && i < balls->count; i += LANES)
+                if (spheres_in_frustum(balls, i, axes, centre, edges, sides))
+                    return true;
+        }
+    }
+    return false;
+}
+
 // A ray's hit is not far from where the two packets before it lead: that is looked at first.
 static vfloat expected_hit(const struct field_rays *r, int before) {
     vfloat none = v_splat(-INFINITY);

@@ -104,8 +104,8 @@ static void follow_mirrors(const struct tile_context *work) {
     }
 }
 
-// Adds shape i to the list if its bounding sphere meets the tile's frustum; planes by a bound, repeated
-// shapes always.
+// Adds shape i to the list if its bounding sphere meets the tile's frustum, and one of its balls if it has such; planes by
+// a bound, repeated shapes always.
 INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *sides,
                               const struct job *job, struct shape_set *list) {
     const struct primitive *s = &KNOWN(job->prepared)->primitives[i];
@@ -122,8 +122,17 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
     float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
     if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
         c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
-        c[1] - w->top * c[2] < r * sides[3])
+        c[1] - w->top * c[2] < r * sides[3]) {
+        if (HAS_BALLS(s)) {
+            struct vec axes[3] = {turned(s, vec_from_doubles(job->view->right)),
+                                  turned(s, vec_from_doubles(job->view->up)),
+                                  turned(s, vec_from_doubles(job->view->forward))};
+            const float edges[4] = {w->left, w->right, w->bottom, w->top};
+            if (!field_in_frustum(s->field, axes, c, edges, sides))
+                return;
+        }
         add_to_set(list, i);
+    }
 }
 
 static void shapes_in(const struct tile_frustum *w, const struct job *job, struct shape_set *list) {

@@ -184,6 +184,7 @@ MANY = group(
     blend=0.15,
     position=[0, 0, 13],
 )
+TURNED = MANY | {"rotation_degrees": [20, 50, 130]}
 # The field is less than the way to the solids: their shadows reach beyond a solid's own.
 STEEP = group(
     "union",
@@ -196,7 +197,7 @@ STEEP = group(
 
 
 @pytest.mark.parametrize("phase", ["opt9_convex", "opt11_ideal"])
-@pytest.mark.parametrize("shapes", [PARTS, MANY, STEEP], ids=["parts", "many", "steep"])
+@pytest.mark.parametrize("shapes", [PARTS, MANY, TURNED, STEEP], ids=["parts", "many", "turned", "steep"])
 def test_parts_that_lie_apart_have_their_shadows(phase: str, shapes: dict, tmp_path: Path) -> None:
     shadows = "ideal" if phase == "opt11_ideal" else "soft" if shapes is STEEP else "hard"
     check(phase, over_floor(shadows, shapes), tmp_path, 50)
