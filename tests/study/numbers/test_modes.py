@@ -116,6 +116,11 @@ def test_a_drift_is_said_with_its_size_and_chance_makes_none():
     assert modes.drift([10.0] * 6) is None and modes.drift(10 + 0.001 * np.arange(40)) is None
 
 
+def test_a_drift_of_many_launches_needs_no_matrix_of_them():
+    assert modes.drift(np.linspace(10, 12, 100_000)) == pytest.approx(11.75 / 10.25 - 1, abs=0.001)
+    assert modes.drift(10 + np.random.default_rng(RANDOM).random(100_000)) is None
+
+
 def test_warm_up_ends_with_the_first_launch_that_is_no_faster():
     times = [30.0, 20, 15, 14.9, 15.1]
     assert [modes.warm(times[:n]) for n in range(6)] == [False, False, False, False, True, True]
