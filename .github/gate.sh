@@ -40,7 +40,7 @@ timed() { # CHECKOUT SIDE: a run of its phases, counted too if that is asked for
     make -C "$1" --no-print-directory setup >&2
     said=$("$1/scripts/stepwise" sweep --phase "${phases[@]}" --scene "${scenes[@]}" -n "${GATE_HEIGHT:-180}" \
         --launches "${GATE_LAUNCHES:-8}" --results "$out/$2" --json)
-    run=$("$1/.venv/bin/python" -c 'import json, sys; print(json.load(sys.stdin)["run"])' <<<"$said")
+    run=$("$1/.venv/bin/python" -I -c 'import json, sys; print(json.load(sys.stdin)["run"])' <<<"$said")
     if [ "$by" = instructions ]; then
         "$1/scripts/stepwise" flops --measure --phase "${phases[@]}" --scene "${scenes[@]}" \
             -n "${GATE_HEIGHT:-180}" --run "$run" >/dev/null

@@ -16,7 +16,7 @@ from study.core.registry import ROOT
 GATE = ROOT / ".github" / "gate.sh"
 # Writes its words and where it is down; `sweep` prints a run, `compare --by` ends with the status asked for.
 STAND_IN = """\
-#!/usr/bin/env python3
+#!/usr/bin/env -S python3 -I
 import json, os, sys
 log = os.environ["LOG"]
 here = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -85,13 +85,13 @@ def test_a_verdict_that_there_is_not_is_refused_before_an_hour_of_measuring(
 
 
 def test_it_measures_both_and_confirms_with_the_programs_of_the_base(here: Path, tmp_path: Path) -> None:
-    """Where CDPATH is set and paths have spaces; the status is that of the comparison, which is kept."""
+    """Whatever CDPATH, PYTHONHOME and paths are. The status is that of the comparison, which is kept."""
     elsewhere = tmp_path / "elsewhere"
     (elsewhere / ".github").mkdir(parents=True)
     (elsewhere / "an out").mkdir()
     out = here / "an out"
     for status in ("0", "1"):
-        done = gate(here, "HEAD", "an out", CDPATH=str(elsewhere), SLOWER=status)
+        done = gate(here, "HEAD", "an out", CDPATH=str(elsewhere), PYTHONHOME="/nowhere", SLOWER=status)
         assert done.returncode == int(status), done.stderr
         assert not (out / "base").exists() and (out / "comparison.txt").read_text() == "the comparison\n"
     first, second, verify, export, compare = called(here)[:5]
