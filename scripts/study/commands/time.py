@@ -42,6 +42,8 @@ A. Ramdas, Bernoulli 28, 2022), so that stopping by it costs none of its 95 %.
     scripts/stepwise time --vary n 128,256,512 -- './mm {n}'
 
 A ratio is the median over rounds of the first program's time over this one's: over 1, this one is faster.
+Verdicts of several programs are corrected together (Bonferroni): of equal programs one or more is called
+slower by chance in at most 2.5 % of runs.
 Launches that another process interrupted are left out where ten others are there; their number is said, and
 where they count all the same.
 Warm-up are the first rounds, until no program is 1 % faster than before; they are in no statistic.
@@ -52,7 +54,7 @@ With --fail-on-slower it is a gate: the status is 1 for a program that is slower
 --least, and for one with too few launches."""
 STATUSES = {1: "with --fail-on-slower: see above"}
 MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
-LEAST_ROUNDS = 10  # where no --budget is given: so many even of slow programs
+LEAST_ROUNDS = 10  # where no --budget is given: so many or more even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
 # What the rule for when to stop sees of a launch.
@@ -72,6 +74,11 @@ def codes(text: str) -> frozenset[int] | None:
     with contextlib.suppress(ValueError):
         return None if text == launcher.ALL else frozenset(map(int, text.split(",")))
     raise argparse.ArgumentTypeError(f"'{text}': exit statuses like 1,2, or {launcher.ALL}")
+
+
+def given(text: str) -> Path | None:
+    """`null`, as hyperfine has it: none."""
+    return None if text == "null" else Path(text)
 
 
 def pattern(text: str) -> re.Pattern[str]:
@@ -99,7 +106,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         add(name, action="append", default=[], metavar="CMD", help=f"{about}; once, or once for each program")
     about, fine = "go on after a status that is not 0, or after these", frozenset[int]()
     add("--ignore-failure", type=codes, nargs="?", default=fine, metavar="CODES", help=about)
-    add("--input", type=Path, metavar="FILE", help="standard input of the programs; default: none")
+    add("--input", type=given, metavar="FILE", help="standard input of the programs; default: none")
     add("--shell", metavar="SHELL", help="none, default (sh), or like 'bash --norc'; see above")
     add("--cpu", type=cli.at_least(0), default=driver.FASTEST, help="to pin to; default: of a fast core")
     add("--threads", type=cli.at_least(1), default=1, help="CPUs to pin to; default: 1")
@@ -176,7 +183,9 @@ class Timing:
         self.run: store.Run | None = None
         self.round = 0
         self.limit = args.budget or A_PROGRAM * len(plan.programs)
-        self.least = 1 if args.budget else LEAST_ROUNDS
+        wide = table.cover(plan.programs)
+        enough = next(n for n in itertools.count(LEAST_ROUNDS) if sequential.rank(n, wide))
+        self.least = 1 if args.budget else enough
         self.begun = time.monotonic()
 
     def launches(self, warmup: bool) -> Iterator[dict[str, Any]]:

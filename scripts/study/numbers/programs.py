@@ -10,7 +10,7 @@ import pandas as pd
 from study.core import show
 from study.core.run_schema import Plan, Program
 from study.core.store import Run
-from study.numbers import modes, noise, sequential
+from study.numbers import modes, noise, sequential, stats
 from study.numbers.analysis import Cell
 from study.numbers.modes import Modes
 from study.numbers.stats import Interval
@@ -30,7 +30,8 @@ class Row:
     this one's: over 1, this one is faster. None: it is the base itself, or the machine has no such counter.
     `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last. Launches that
     other processes interrupted are in no figure of these, and `left_out` is their number. `disturbed`: of the
-    ratio's rounds (without a ratio: of the launches) those that were interrupted and count all the same."""
+    ratio's rounds (without a ratio: of the launches) those that were interrupted and count all the same.
+    `sure`: the ratio with the interval that the verdict is by: those of all ratios hold at once in 95 %."""
 
     program: str
     case: str
@@ -42,6 +43,7 @@ class Row:
     joules: float | None
     base: str | None
     ratio: Interval | None
+    sure: Interval | None
     verdict: str
     modes: Modes | None
     drift: float | None
@@ -80,15 +82,20 @@ def bases(programs: Sequence[Program]) -> list[int | None]:
     return [base if base != place else None for place, base in enumerate(found)]
 
 
-def verdict(found: Interval, of_rounds: pd.Series, precision: float | None) -> str:
+def cover(programs: Sequence[Program]) -> float:
+    """Of the interval that each verdict is by."""
+    return stats.together(sum(base is not None for base in bases(programs)))
+
+
+def verdict(found: Interval, sure: Interval, of_rounds: pd.Series, precision: float | None) -> str:
     """`precision`: a difference that is surely smaller is none."""
-    if not found.sufficient:
+    if not sure.sufficient:
         return FEW
     two = modes.modes(of_rounds)
     if two and two.split(found):
         return TWO_MODES
-    if found.excludes_one:
-        return FASTER if found.low > 1 else SLOWER
+    if sure.excludes_one:
+        return FASTER if sure.low > 1 else SLOWER
     near = precision and 1 - precision <= found.low <= found.high <= 1 + precision
     return f"the same within {100 * precision:.3g} %" if precision and near else UNSURE
 
@@ -96,20 +103,21 @@ def verdict(found: Interval, of_rounds: pd.Series, precision: float | None) -> s
 def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
     """In the order of the plan. Times of another tool were not launched in turns: they have no ratio."""
     known = {(one.spec, one.scene): one for one in cells}
-    stopped, made = plan.precision is not None, []
+    stopped, wide, made = plan.precision is not None, cover(plan.programs), []
     for program, base in zip(plan.programs, bases(plan.programs), strict=True):
         cell = known.get((program.name, program.case))
         if cell is None:
             continue
         first = plan.programs[base] if base is not None and not plan.read_from else None
         other = known.get((first.name, first.case)) if first else None
-        launches, ratio, said = calm(cell.values), None, ""
+        launches, ratio, sure, said = calm(cell.values), None, None, ""
         ms, disturbed = launches.ns / 1e6, int(noise.interrupted(launches).sum())
         if other is not None:
             rounds = ratios(other.values, cell.values)
             disturbed = int(rounds.disturbed.sum())
             ratio = sequential.median_interval(rounds.ratio, stopped)
-            said = verdict(ratio, rounds.ratio, None if disturbed else plan.precision)
+            sure = sequential.median_interval(rounds.ratio, stopped, wide)
+            said = verdict(ratio, sure, rounds.ratio, None if disturbed else plan.precision)
         made.append(
             Row(
                 program=program.name,
@@ -122,6 +130,7 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
                 joules=_median(launches, "joules"),
                 base=f"{first.name} {first.case}".strip() if first else None,
                 ratio=ratio,
+                sure=sure,
                 verdict=said,
                 modes=modes.modes(ms),
                 drift=modes.drift(ms),
@@ -141,12 +150,12 @@ def _cpu_ms(launches: pd.DataFrame) -> float | None:
 
 def slower(found: Sequence[Row], least: float) -> list[str]:
     """A line for each program that surely takes longer than its base by more than `least`, or whose launches
-    are too few to tell."""
+    are too few to tell. Of the same programs one or more is named in 2.5 % of runs at most."""
     lines = []
     for row in found:
-        if row.ratio and row.verdict == FEW:
+        if row.verdict == FEW:
             lines.append(f"{row.name}: {FEW}")
-        elif row.ratio and row.verdict != TWO_MODES and row.ratio.high * (1 + least) < 1:
+        elif row.ratio and row.sure and row.verdict == SLOWER and row.sure.high * (1 + least) < 1:
             lines.append(f"{SLOWER}: {row.name} (ratio {row.ratio.text('.4g')})")
     return lines
 
@@ -157,12 +166,13 @@ def _median(launches: pd.DataFrame, name: str, unit: float = 1) -> float | None:
 
 
 def precise(launches: Sequence[pd.DataFrame], programs: Sequence[Program], precision: float) -> bool:
-    """Whether every ratio is known to ± `precision`, or the median of the only program. `launches`: of each
-    program, by round."""
+    """Whether every ratio is known to ± `precision` and can have a verdict, or the median of the only program
+    is known. `launches`: of each program, by round."""
     pairs = zip(bases(programs), launches, strict=True)
     series = [ratios(launches[base], mine).ratio for base, mine in pairs if base is not None]
     found = [sequential.median_interval(one) for one in series or [calm(mine).ns for mine in launches]]
-    return all(sequential.within(one, precision) for one in found)
+    enough = all(sequential.rank(len(one), cover(programs)) for one in series)
+    return enough and all(sequential.within(one, precision) for one in found)
 
 
 def remarks(found: Sequence[Row]) -> list[str]:
@@ -217,6 +227,6 @@ def hyperfine(run: Run) -> dict[str, Any]:
         if "max_rss_kib" in some:
             made["memory_usage_byte"] = (launches.max_rss_kib.first() * 1024).astype(int).tolist()
         codes = launches.exit_status.first().tolist() if "exit_status" in some else [0] * len(times)
-        made["exit_codes"] = [int(code) for code in codes]
+        made["exit_codes"] = [int(code) if code >= 0 else 128 - int(code) for code in codes]  # of a signal
         results.append(made | ({"parameters": given} if given else {}))
     return {"results": results}

@@ -23,23 +23,23 @@ MIX = 2.0  # both parameters of the beta distribution: bounds are narrowest at s
 
 
 @functools.cache
-def rank(count: int) -> int:
+def rank(count: int, cover: float = COVER) -> int:
     """The greatest k for which the k-th least and the k-th greatest of `count` launches hold the true median
     at every look; 0: there is none."""
     k = 0
-    enough = -math.log(1 - COVER) + betaln(MIX, MIX) - count * math.log(2)
+    enough = -math.log(1 - cover) + betaln(MIX, MIX) - count * math.log(2)
     while 2 * k < count and betaln(k + MIX, count - k + MIX) >= enough:
         k += 1
     return k
 
 
-def median_interval(values: pd.Series, stopped: bool = True) -> Interval:
+def median_interval(values: pd.Series, stopped: bool = True, cover: float = COVER) -> Interval:
     """Median and its interval; NaN ends where the launches are too few for one. Not `stopped`: how many
     launches there are was fixed before, for which a narrower interval holds (stats.median_interval)."""
     if not stopped:
-        return stats.median_interval(values)
+        return stats.median_interval(values, cover)
     found = np.sort(np.asarray(values, float))
-    value, k = float(np.median(found)) if len(found) else math.nan, rank(len(found))
+    value, k = float(np.median(found)) if len(found) else math.nan, rank(len(found), cover)
     if not k or not np.isfinite(found).all():
         return Interval(value, math.nan, math.nan, len(found), False)
     return Interval(value, float(found[k - 1]), float(found[-k]), len(found), True)

@@ -51,11 +51,17 @@ class Interval:
 UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, False)
 
 
-def rank(count: int) -> int:
+def together(many: int) -> float:
+    """The cover of each of so many intervals of which all hold in COVER of cases or more, by C. E.
+    Bonferroni's inequality: O. J. Dunn, Journal of the American Statistical Association 56 (1961), 52-64."""
+    return 1 - (1 - COVER) / max(many, 1)
+
+
+def rank(count: int, cover: float = COVER) -> int:
     """The greatest k for which the k-th least and the k-th greatest of `count` values hold the true median in
     95 % of cases or more, whatever their distribution; 0: there is none. At 6 launches they do in 96.9 %."""
     k = 0
-    while 2 * k < count and held_by(k + 1, count) >= COVER:
+    while 2 * k < count and held_by(k + 1, count) >= cover:
         k += 1
     return k
 
@@ -79,34 +85,33 @@ def methods() -> dict[str, str]:
     return {name: f"{100 * COVER:.3g} % interval {text} {least}" for name, text in said.items()}
 
 
-def _of_few(value: float, *samples: np.ndarray) -> Interval:
+def _of_few(value: float, *samples: np.ndarray, cover: float = COVER) -> Interval:
     """The t interval of a sample's median `value`; of the first's over the second's; of that ratio over the
-    fourth's over the third's."""
+    third's over the fourth's."""
     count = min(map(len, samples))
     if not all((one > 0).all() for one in samples):
         return Interval(value, np.nan, np.nan, count, False)
     logs = [np.log(one) for one in samples]
     middle = sum(sign * one.mean() for sign, one in zip((1, -1, -1, 1), logs, strict=False))
-    wide = _welch([(one.var(ddof=1) / len(one), len(one)) for one in logs])
+    wide = _welch([(one.var(ddof=1) / len(one), len(one)) for one in logs], cover)
     return Interval(value, math.exp(middle - wide), math.exp(middle + wide), count, True)
 
 
-def _welch(parts: list[tuple[float, int]]) -> float:
-    """Half of the 95 % interval of a sum of means, from each mean's variance and sample size."""
+def _welch(parts: list[tuple[float, int]], cover: float = COVER) -> float:
+    """Half of the interval of a sum of means, from each mean's variance and sample size."""
     variance = sum(part for part, _ in parts)
     shares = sum(part**2 / (count - 1) for part, count in parts)
-    return float(stdtrit(variance**2 / shares, (1 + COVER) / 2)) * math.sqrt(variance) if shares > 0 else 0.0
+    return float(stdtrit(variance**2 / shares, (1 + cover) / 2)) * math.sqrt(variance) if shares > 0 else 0.0
 
 
-def median_interval(values: ArrayLike) -> Interval:
+def median_interval(values: ArrayLike, cover: float = COVER) -> Interval:
     """Median over launches, between two of them. `values`: shape (launches,), any unit. NaN: no launch."""
     values = np.sort(np.asarray(values, float).ravel())
     value = float(np.median(values)) if len(values) else np.nan
     if len(values) < FEWEST or not np.isfinite(values).all():
         return Interval(value, np.nan, np.nan, len(values), False)
-    if len(values) < ENOUGH:
-        return _of_few(value, values)
-    k = rank(len(values))
+    if not (k := rank(len(values), cover)):
+        return _of_few(value, values, cover=cover)
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 

@@ -37,13 +37,19 @@ def _panel(axes: Axes, mine: pd.DataFrame, names: list[str]) -> None:
     axes.set(xlabel="launch", ylabel="ms", ylim=(low - 0.08 * (edge - low) - 1e-9, edge))
 
 
+def _as_it_is(text: str) -> str:
+    """For matplotlib, to which text between two $ is a formula."""
+    return text.replace("$", r"\$")
+
+
 def draw(frames: pd.DataFrame, plan: Plan) -> Figure:
     """A panel a case, a colour a program."""
     rows = frames.assign(
         ms=frames.ns / 1e6, warmup=frames.warmup.astype(bool), order=range(1, len(frames) + 1)
     )
-    cases = list(dict.fromkeys(one.case for one in plan.programs))
-    names = list(dict.fromkeys(one.name for one in plan.programs))
+    rows[["scene", "spec"]] = rows[["scene", "spec"]].map(_as_it_is)
+    cases = list(dict.fromkeys(_as_it_is(one.case) for one in plan.programs))
+    names = list(dict.fromkeys(_as_it_is(one.name) for one in plan.programs))
     figure, grid = panels(rows.sort_values("scene", key=lambda of: of.map(cases.index)), 3.6, 8.0, 1)
     for case, axes in grid.items():
         _panel(axes, rows[rows.scene == case], names)

@@ -11,7 +11,7 @@ from study.pictures import launch_order
 TITLE, QUESTION = "Programs", "How fast is each program here?"
 FOOT = (
     "A ratio is the median over rounds of the first program's time over this one's: over 1, this one is "
-    "faster. Its interval holds however often one looked before stopping (docs/method.md)."
+    "faster. How its interval and its verdict are made is in docs/method.md, Programs."
 )
 
 

@@ -68,7 +68,7 @@ def counting(folder: Path, name: str, times: str) -> Path:
 
 
 def test_ratios_of_known_times(timed, tmp_path):
-    """Exact times need no more rounds than an interval does."""
+    """Exact times need no more rounds than a verdict of two ratios does."""
     rows, plan, frames = timed(
         *FROM, "--", "echo", "took", "10 ms", ":::", "echo took 8ms", ":::", "echo", "took 10.02 ms"
     )
@@ -77,7 +77,7 @@ def test_ratios_of_known_times(timed, tmp_path):
     assert [row["ratio"] and row["ratio"]["value"] for row in rows] == pytest.approx([None, 1.25, 10 / 10.02])
     assert [row["verdict"] for row in rows] == ["", "faster", "slower"]
     assert rows[1]["base"] == rows[0]["program"] and rows[0]["ratio"] is None
-    assert plan.launches == 9 and plan.precision == 0.01 and plan.finished and plan.time_from == FROM[1]
+    assert plan.launches == 11 and plan.precision == 0.01 and plan.finished and plan.time_from == FROM[1]
     assert {one.ns for one in frames} == {10_000_000, 8_000_000, 10_020_000}
     (row,), _, _ = timed(*FROM, "--launches", 1, "--", "echo", "took 1 ms", "me@host")
     assert shlex.split(row["program"]) == ["echo", "took 1 ms", "me@host"] and row["verdict"] == ""
@@ -189,6 +189,7 @@ def test_failures_input_and_shells(timed, stepwise, tmp_path):
     few = ["--results", tmp_path, "--launches", 1, "--warmup", 0]
     (row,), _, frames = timed(*FROM, "--launches", 1, "--input", given, "--", "cat")
     assert row["ms"]["value"] == 3
+    timed("--launches", 1, "--input", "null", "--", "sh", "-c", "! read line")
     bad = ["--", "sh", "-c", "echo no >&2; exit 3"]
     refused = stepwise("time", *few, *bad)
     assert refused.returncode == cli.BAD_INPUT and "status 3: no" in refused.stderr
@@ -199,6 +200,9 @@ def test_failures_input_and_shells(timed, stepwise, tmp_path):
         assert {one.exit_status for one in frames} == {3}
     killed = stepwise("time", *few, "--", "sh", "-c", "kill -9 $$")
     assert "signal 9" in killed.stderr
+    out = tmp_path / "killed.json"
+    timed("--launches", 1, "--ignore-failure", "--export-json", out, "--", "sh", "-c", "kill -9 $$")
+    assert json.loads(out.read_text())["results"][0]["exit_codes"] == [128 + 9]  # as hyperfine has it
     (row,), _, _ = timed(*FROM, "--launches", 1, "--shell", "default", "--", "x=4; echo took $x ms")
     assert row["ms"]["value"] == 4
     (row,), _, _ = timed(*FROM, "--launches", 1, "--shell", "none", "--", "echo 'took 5 ms' ; $x")
@@ -306,9 +310,9 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
     assert made == json.loads((tmp_path / "direct.json").read_text())
     (found,) = [one for one in made["results"] if one["command"] != BOTH and one["parameters"] == {"n": "2"}]
     assert (
-        found["times"] == [0.0125] * 9 and found["median"] == found["min"] == 0.0125 and found["stddev"] == 0
+        found["times"] == [0.0125] * 11 and found["median"] == found["min"] == 0.0125 and found["stddev"] == 0
     )
-    assert found["exit_codes"] == [0] * 9 and found["memory_usage_byte"][0] > 0 and found["user"] is not None
+    assert found["exit_codes"] == [0] * 11 and found["memory_usage_byte"][0] > 0 and found["user"] is not None
     shown = stepwise("compare", "--export", "github-action-benchmark", folders[1])
     assert {one["name"] for one in json.loads(shown.stdout)} == {
         f"{row['spec']} {row['scene']}" for row in result["rows"]

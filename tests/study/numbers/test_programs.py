@@ -77,6 +77,24 @@ def test_figures_are_of_the_launches_that_count():
     assert (row.launches, row.left_out, row.joules, row.cpu_ms) == (20, 20, 1, BUSY / 1e6)
 
 
+def gate(random: np.random.Generator, factors: list[float], rounds: int) -> list[str]:
+    """What a gate names of programs that take so many times as long as the first."""
+    cells = []
+    for place, factor in enumerate([1, *factors]):
+        ns = BUSY * factor * np.exp(0.02 * random.normal(size=rounds))
+        cells.append(Cell("", str(place), 1, 1, 1, Facts(), pd.DataFrame({"ns": ns})))
+    plan = Plan(programs=[Program(name=one.spec, case="", command=["a"]) for one in cells])
+    return programs.slower(programs.rows(cells, plan), 0)
+
+
+def test_a_gate_of_many_equal_programs_fails_no_oftener_than_one_of_two():
+    """20 gates of 19 verdicts each, of which 2.5 % fail; each verdict by itself would fail a fifth."""
+    random = np.random.default_rng(5)
+    assert sum(bool(gate(random, [1] * 19, 20)) for _ in range(20)) <= 1
+    assert [line.split()[1] for line in gate(random, [1] * 18 + [1.2], 20)] == ["19"]
+    assert len(gate(random, [1, 1], 2)) == 2 and not gate(random, [1, 1], 6)  # two are too few
+
+
 def test_runs_of_other_tools_tell_no_interruption():
     read = pd.DataFrame({"ns": [1.0, 2, 3]})
     assert [*programs.calm(read).ns] == [1, 2, 3] and [*programs.ratios(read, read).ratio] == [1, 1, 1]

@@ -23,6 +23,8 @@ def test_the_bounds_are_the_mixture_s(n):
     ]
     refused = [k for k in range((n + 1) // 2) if mixture[k] * 2.0**n >= 20]
     assert sequential.rank(n) == len(refused)
+    rarer = [k for k in range((n + 1) // 2) if mixture[k] * 2.0**n >= 60]
+    assert sequential.rank(n, stats.together(3)) == len(rarer)
     assert gamma(4) == 6 and sequential.rank(8) == 0 and sequential.rank(9) == 1
     if k := len(refused):
         found = sequential.median_interval(pd.Series(np.random.default_rng(n).permutation(n) + 1.0))

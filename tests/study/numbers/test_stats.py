@@ -25,6 +25,15 @@ def test_ends_are_the_nearest_order_statistics_that_hold_the_median_19_times_in_
         assert (interval.value, interval.low, interval.high) == ((n + 1) / 2, best, n + 1 - best)
 
 
+@pytest.mark.parametrize("n", [4, 8, 20])
+def test_several_intervals_hold_together(n):
+    """Of ten samples each, all ten true medians in 95 % of cases or more."""
+    samples = np.random.default_rng(5).normal(size=(800, 10, n))
+    found = [[stats.median_interval(np.exp(one), stats.together(10)) for one in ten] for ten in samples]
+    assert np.mean([all(i.low <= 1 <= i.high for i in ten) for ten in found]) >= 0.94
+    assert stats.together(0) == stats.together(1) == stats.COVER
+
+
 @pytest.mark.parametrize("n", [6, 7, 11])
 def test_median_interval_covers_the_true_median_19_times_in_20(n):
     samples = np.random.default_rng(5).exponential(size=(4000, n))
