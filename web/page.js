@@ -442,6 +442,7 @@ function listen() {
     };
   for (const id of ["show", "heat", "resolution"]) $(id).onchange = () => changed(true);
   $("controls").addEventListener("change", () => canvas.focus({ preventScroll: true }));
+  for (const id of ["home", "play"]) $(id).addEventListener("click", () => canvas.focus({ preventScroll: true }));
   $("home").onclick = () => wasm.web_home();
   $("play").onclick = () => {
     state.paused = !state.paused;

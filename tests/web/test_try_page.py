@@ -163,7 +163,7 @@ def test_mouse_keys_and_fingers_move_the_camera(said: dict) -> None:
     assert (
         np.allclose(lit[:13], pinched[:13], atol=1e-12) and np.dot(lit[13:16] - pinched[13:16], lit[3:6]) > 0
     )
-    assert np.array_equal(views["home"], start)
+    assert np.array_equal(views["home"], start) and said["focused"]
     assert said["divider"] == "25%" and said["flies"]
 
 
