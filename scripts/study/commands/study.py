@@ -232,6 +232,8 @@ def first_look(scene: str, specs: Sequence[Spec], left: Sequence[str]) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     args.budget = args.budget or SWEEP_SECONDS.get(args.depth)
     begin = time.monotonic()
+    for scene in args.scene:
+        registry.find_scene(scene)  # before the last page goes
 
     shutil.rmtree(PAGE.parent, ignore_errors=True)  # what is of another run must not stand beside this one's
     names, parts = registry.ladder(), chosen(args)

@@ -233,3 +233,12 @@ def test_a_chapters_line_is_a_whole_clause(name):
     found = sorted((registry.ROOT / "results" / "reference").glob(f"*/{name}.json"))
     said = run_study.came_out(found[-1].parent, ALL[name])
     assert said.count("(") == said.count(")") and sum(char.isdigit() for char in said) > 3, said
+
+
+def test_a_scene_that_there_is_not_leaves_the_last_page(stepwise, tmp_path, monkeypatch):
+    page = tmp_path / "out" / "index.html"
+    monkeypatch.setattr(run_study, "PAGE", page)
+    page.parent.mkdir()
+    page.touch()
+    done = stepwise("study", "--scene", "no_such_scene", "--results", tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (cli.BAD_INPUT, 1) and page.exists()
