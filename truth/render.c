@@ -83,8 +83,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         prepared->workers = workers_start(threads, 0);
     if (prepared->workers)
         return prepared;
-    free(prepared->solids);
-    free(prepared);
+    phase_release(prepared);
     return NULL;
 }
 

@@ -225,6 +225,8 @@ void workers_run(struct workers *workers, workers_task *task, const void *job, i
 }
 
 void workers_end(struct workers *workers) {
+    if (!workers)
+        return;
     pthread_mutex_lock(&workers->lock);
     workers->ending = true;
     pthread_cond_broadcast(&workers->begin);

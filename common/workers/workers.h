@@ -19,4 +19,5 @@ struct workers *workers_start(int threads, size_t scratch_size);
 // Calls the task for the tiles 0 … tiles − 1, each once, by whoever is free; returns when all are done.
 void workers_run(struct workers *workers, workers_task *task, const void *job, int tiles);
 
+// NULL: nothing to end.
 void workers_end(struct workers *workers);

@@ -8,8 +8,7 @@
 static const struct settings DEFAULTS = {
     .bits = 20, .unit = 0, .newton_steps = 0, .clear = CLEAR_CORNERS};
 
-static inline void render_tile_in_lanes(int lanes, const struct job *job, int tile,
-                                        int *candidates) {
+static inline workers_task *render_tile_in(int lanes) {
     (void)lanes; // one
-    lanes1_render_tile(job, tile, candidates);
+    return lanes1_render_tile;
 }

@@ -131,13 +131,6 @@ static struct prepared *allocate(int count) {
     return NULL;
 }
 
-static void release(struct prepared *prepared) {
-    tables_free(prepared->scene);
-    free(prepared->scene);
-    free(prepared->settings_text);
-    free(prepared);
-}
-
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct prepared *prepared = allocate(model->shape_count);
     if (!prepared)
@@ -147,7 +140,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     prepared->lanes = variant_here().lanes;
     prepared->workers = workers_start(threads, (size_t)model->shape_count * sizeof(int));
     if (!prepared->workers) {
-        release(prepared);
+        phase_release(prepared);
         return NULL;
     }
     // The unit fits the shapes until a frame's camera and light decide.
@@ -159,18 +152,10 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     workers_end(prepared->workers);
-    release(prepared);
-}
-
-// In cache lines of its own: all workers read it while the caller writes its stack.
-struct frame_job {
-    alignas(WORKERS_APART) struct job job;
-    int lanes;
-};
-
-static void render_tile(const void *data, int tile, void *scratch) {
-    const struct frame_job *job = data;
-    render_tile_in_lanes(job->lanes, &job->job, tile, scratch);
+    tables_free(prepared->scene);
+    free(prepared->scene);
+    free(prepared->settings_text);
+    free(prepared);
 }
 
 static int tiles_of(const struct frame *frame) {
@@ -196,8 +181,8 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     }
     settings_say(&scene->format, prepared->settings_text);
     tables_set_view(scene, &prepared->model, view, frame);
-    struct frame_job job = {{scene, frame}, prepared->lanes};
-    workers_run(prepared->workers, render_tile, &job, tiles_of(frame));
+    alignas(WORKERS_APART) struct job job = {scene, frame}; // all workers read it
+    workers_run(prepared->workers, render_tile_in(prepared->lanes), &job, tiles_of(frame));
     return true;
 }
 

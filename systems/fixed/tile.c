@@ -137,7 +137,8 @@ static void render_block(struct block b, const struct scene_tables *scene, struc
         }
 }
 
-void VARIANT(render_tile)(const struct job *job, int tile, int *candidates) {
+void VARIANT(render_tile)(const void *data, int tile, void *candidates) {
+    const struct job *job = data;
     struct frame *frame = job->frame;
     const int wide = BLOCK * TILE_BLOCKS, across = (frame->width + wide - 1) / wide;
     const int first = tile % across * wide, row = tile / across * BLOCK;

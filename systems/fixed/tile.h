@@ -3,6 +3,7 @@
 
 #include "frame/frame.h"
 #include "scene_tables.h"
+#include "workers/workers.h"
 
 enum { TILE_BLOCKS = 4 };
 
@@ -11,8 +12,6 @@ struct job {
     struct frame *frame;
 };
 
-// Render tile number `tile`, counted row by row from the top left, in one build each of tile.c (phase.json).
-// `candidates`: scratch memory of the worker, room for the index of every sphere.
-void lanes1_render_tile(const struct job *job, int tile, int *candidates);
-void lanes8_render_tile(const struct job *job, int tile, int *candidates);
-void lanes16_render_tile(const struct job *job, int tile, int *candidates);
+// Render a tile of a struct job, counted row by row from the top left, in one build each of tile.c (phase.json).
+// Scratch memory: room for the index of every sphere.
+workers_task lanes1_render_tile, lanes8_render_tile, lanes16_render_tile;

@@ -8,7 +8,6 @@
 static const struct settings DEFAULTS = {
     .bits = 20, .unit = 0, .newton_steps = 3, .clear = CLEAR_LISTS};
 
-static inline void render_tile_in_lanes(int lanes, const struct job *job, int tile,
-                                        int *candidates) {
-    (lanes == 16 ? lanes16_render_tile : lanes8_render_tile)(job, tile, candidates);
+static inline workers_task *render_tile_in(int lanes) {
+    return lanes == 16 ? lanes16_render_tile : lanes8_render_tile;
 }

@@ -7,6 +7,7 @@
 
 #include "phase.h"
 #include "tree.h"
+#include "workers/workers.h"
 
 // A shape as shading needs it. For intersections a solid stands in the tree's leaves, a plane here.
 struct primitive {
@@ -36,13 +37,13 @@ struct job {
     struct frame *frame;
 };
 
-#define KERNEL(width)                                                                              \
-    size_t width##_scratch_size(void);                                                             \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    void width##_hits(const struct prepared *prepared, const struct ray_set *rays, size_t first,   \
-                      size_t count);
-KERNEL(lanes4)
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// The code for one width of lanes: VARIANT(kernel) of tile.c.
+struct lane_kernel {
+    size_t scratch_size; // bytes of a worker's memory
+    int (*tiles)(const struct frame *frame);
+    workers_task *tile; // of a struct job
+    void (*hits)(const struct prepared *prepared, const struct ray_set *rays, size_t first,
+                 size_t count);
+};
+
+extern const struct lane_kernel lanes4_kernel, lanes8_kernel, lanes16_kernel;

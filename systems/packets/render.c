@@ -9,14 +9,14 @@
 #include "driver/variant.h"
 #include "scene/vector.h"
 #include "trace.h"
-#include "workers/workers.h"
 
 // The phase's state behind `prepared`, which is all that the kernels read.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
     int lanes;
-    struct bounded_solid *solids; // room for one per shape
+    const struct lane_kernel *kernel; // for so many
+    struct bounded_solid *solids;     // room for one per shape
 };
 
 static const char *unsupported_shape(const struct scene *scene, char *error, size_t size) {
@@ -155,12 +155,6 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
                       solids);
 }
 
-static size_t scratch_size(int lanes) {
-    return lanes == 16  ? lanes16_scratch_size()
-           : lanes == 8 ? lanes8_scratch_size()
-                        : lanes4_scratch_size();
-}
-
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct phase_state *state = calloc(1, sizeof *state);
     if (!state)
@@ -169,13 +163,16 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     size_t count = (size_t)model->shape_count;
     char error[512];
     state->lanes = variant_here().lanes;
+    state->kernel = state->lanes == 16  ? &lanes16_kernel
+                    : state->lanes == 8 ? &lanes8_kernel
+                                        : &lanes4_kernel;
     settings_read(getenv("STEPWISE_PACKETS"), &prepared->settings, error);
     settings_print(&prepared->settings, prepared->settings_text);
     prepared->primitives = calloc(count, sizeof *prepared->primitives);
     prepared->planes = calloc(count, sizeof *prepared->planes);
     state->solids = calloc(count, sizeof *state->solids);
     if (prepared->primitives && prepared->planes && state->solids && phase_update(prepared, model))
-        state->workers = workers_start(threads, scratch_size(state->lanes));
+        state->workers = workers_start(threads, state->kernel->scratch_size);
     if (state->workers)
         return prepared;
     phase_release(prepared);
@@ -184,8 +181,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct phase_state *state = (struct phase_state *)prepared; // its first member
-    if (state->workers)
-        workers_end(state->workers);
+    workers_end(state->workers);
     tree_free(&prepared->tree);
     free(prepared->primitives);
     free(prepared->planes);
@@ -193,29 +189,11 @@ void phase_release(struct prepared *prepared) {
     free(state);
 }
 
-// Aligned, so that no cache line of it holds variables that the caller writes: all workers read it.
-struct frame_job {
-    alignas(WORKERS_APART) struct job job;
-    int lanes;
-};
-
-static void render_tile(const void *data, int tile, void *own) {
-    const struct frame_job *job = data;
-    if (job->lanes == 16)
-        lanes16_tile(&job->job, tile, own);
-    else if (job->lanes == 8)
-        lanes8_tile(&job->job, tile, own);
-    else
-        lanes4_tile(&job->job, tile, own);
-}
-
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct phase_state *state = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame}, state->lanes};
-    workers_run(state->workers, render_tile, &job,
-                state->lanes == 16  ? lanes16_tiles(frame)
-                : state->lanes == 8 ? lanes8_tiles(frame)
-                                    : lanes4_tiles(frame));
+    // All workers read it.
+    alignas(WORKERS_APART) struct job job = {prepared, view, frame};
+    workers_run(state->workers, state->kernel->tile, &job, state->kernel->tiles(frame));
     return true;
 }
 
@@ -224,12 +202,7 @@ bool phase_hits(const struct prepared *prepared, const struct ray_set *rays) {
     const size_t most = BATCH;
     for (size_t first = 0; first < rays->count; first += most) {
         size_t count = rays->count - first < most ? rays->count - first : most;
-        if (state->lanes == 16)
-            lanes16_hits(prepared, rays, first, count);
-        else if (state->lanes == 8)
-            lanes8_hits(prepared, rays, first, count);
-        else
-            lanes4_hits(prepared, rays, first, count);
+        state->kernel->hits(prepared, rays, first, count);
     }
     return true;
 }

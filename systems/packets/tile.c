@@ -108,15 +108,13 @@ static void store_colors(const struct worker_scratch *scratch, int left, int top
     }
 }
 
-size_t VARIANT(scratch_size)(void) {
-    return sizeof(struct worker_scratch);
-}
-
-int VARIANT(tiles)(const struct frame *frame) {
+static int tiles(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
 }
 
-static void draw_tile(const struct job *job, int tile, struct worker_scratch *scratch) {
+static void draw_tile(const void *data, int tile, void *own) {
+    const struct job *job = data;
+    struct worker_scratch *scratch = own;
     struct tile_context context = {job->prepared, job->view, scratch};
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;
     for (int k = 0; k < 3; k++)
@@ -135,12 +133,8 @@ static void draw_tile(const struct job *job, int tile, struct worker_scratch *sc
     store_colors(scratch, left, top, job->frame);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
-}
-
-void VARIANT(hits)(const struct prepared *prepared, const struct ray_set *rays, size_t first,
-                   size_t count) {
+static void find_hits(const struct prepared *prepared, const struct ray_set *rays, size_t first,
+                      size_t count) {
     struct ray_batch batch = {.far = rays->far ? rays->far + first : NULL, .count = (int)count};
     for (int k = 0; k < 3; k++) {
         batch.origin[k] = rays->origin[k] + first;
@@ -151,3 +145,6 @@ void VARIANT(hits)(const struct prepared *prepared, const struct ray_set *rays, 
     else
         find_closest_hits(prepared, &batch, rays->t + first, rays->shape + first);
 }
+
+const struct lane_kernel VARIANT(kernel) = {sizeof(struct worker_scratch), tiles, draw_tile,
+                                            find_hits};

@@ -3,11 +3,9 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "driver/variant.h"
 #include "frame/draw_path.h"
 #include "frame/prepare.h"
 #include "kernel/kernel.h"
-#include "workers/workers.h"
 
 // More shapes get no kernel. Without a Mandelbulb, fewer have a BVH already, and no kernel.
 enum { MAX_KERNEL_SHAPES = 64 };
@@ -16,13 +14,13 @@ enum { MAX_KERNEL_SHAPES = 64 };
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // 16 lanes, else 8
+    const struct lane_kernel *lanes;
     struct loaded_kernel loaded;
     void *frame_memory; // of the kernel
 };
 
 const char *phase_unsupported(const struct scene *scene) {
-    return draw_path_unsupported(scene, variant_here().lanes == 16);
+    return draw_path_unsupported(scene);
 }
 
 const char *phase_settings(const struct prepared *prepared) {
@@ -75,7 +73,7 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 // Starts the workers. A kernel may need more memory per worker than the general code.
 static struct workers *start_team(struct phase_state *kept, const struct model *model,
                                   int threads) {
-    size_t size = kept->sixteen ? lanes16_scratch_size(model) : lanes8_scratch_size(model);
+    size_t size = kept->lanes->scratch_size(model);
     const struct scene_kernel *kernel = kept->loaded.kernel;
     if (kernel && kernel->scratch_size > size)
         size = kernel->scratch_size;
@@ -92,7 +90,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     struct phase_state *kept = calloc(1, sizeof *kept);
     if (!kept)
         return NULL;
-    kept->sixteen = variant_here().lanes == 16;
+    kept->lanes = lanes_here();
     kept->prepared.path = draw_path_forced();
     if (reserve_prepared(&kept->prepared, model)) {
         prepare_shapes(&kept->prepared, model);
@@ -100,10 +98,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         kept->workers = start_team(kept, model, threads);
     }
     if (!kept->workers) {
-        free(kept->frame_memory);
-        kernel_unload(&kept->loaded);
-        free_prepared(&kept->prepared);
-        free(kept);
+        phase_release(&kept->prepared);
         return NULL;
     }
     return &kept->prepared;
@@ -118,45 +113,23 @@ void phase_release(struct prepared *prepared) {
     free(kept);
 }
 
-// Aligned away from what the caller writes on its stack, because all workers read it.
-struct frame_job {
-    alignas(WORKERS_APART) struct job job;
-    const struct scene_kernel *kernel; // NULL: the general code draws
-    bool sixteen;
-};
-
-static void render_tile(const void *data, int tile, void *memory) {
-    const struct frame_job *job = data;
-    if (job->kernel)
-        job->kernel->tile(&job->job, tile, memory);
-    else if (job->sixteen)
-        lanes16_tile(&job->job, tile, memory);
-    else
-        lanes8_tile(&job->job, tile, memory);
-}
-
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->cameras,
-                             tile_height(prepared, frame->height),
-                             prepared->analytic && set_local_cameras(prepared, view, kept->sixteen),
-                             kept->frame_memory},
-                            NULL,
-                            kept->sixteen};
-    if (job.job.analytic)
-        job.kernel = kept->loaded.kernel;
-    if (job.kernel && job.kernel->begin && !job.kernel->begin(&job.job))
-        job.kernel = NULL;
-    workers_run(kept->workers, render_tile, &job,
-                job.kernel      ? job.kernel->tiles(&job.job)
-                : kept->sixteen ? lanes16_tiles(&job.job)
-                                : lanes8_tiles(&job.job));
+    bool analytic = prepared->analytic && set_local_cameras(prepared, view, kept->lanes);
+    int high = tile_height(prepared, frame->height);
+    // All workers read it.
+    alignas(WORKERS_APART) struct job job = {
+        prepared, view, frame, prepared->cameras, high, analytic, kept->frame_memory};
+    const struct scene_kernel *kernel = analytic ? kept->loaded.kernel : NULL;
+    if (kernel && kernel->begin && !kernel->begin(&job))
+        kernel = NULL; // the general code draws
+    workers_run(kept->workers, kernel ? kernel->tile : kept->lanes->tile, &job,
+                kernel ? kernel->tiles(&job) : kept->lanes->tiles(&job));
     return true;
 }
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
-                         : lanes8_distances(prepared, count, points, distance, nearest);
+    return kept->lanes->distances(prepared, count, points, distance, nearest);
 }

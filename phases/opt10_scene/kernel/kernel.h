@@ -11,7 +11,7 @@ struct scene_kernel {
     const char *compiler;
     size_t scratch_size;
     int (*tiles)(const struct job *job);
-    void (*tile)(const struct job *job, int tile, void *memory);
+    void (*tile)(const void *job, int tile, void *memory);
     // What a kernel computes once a frame for all its tiles, in job->frame_memory; NULL: nothing. False: the general
     // code draws the frame.
     size_t frame_size;

@@ -339,7 +339,8 @@ static void draw_rows(const struct fused *f, const struct fused_band *band, int 
             draw_span(f, r, &spans[k], w, job);
 }
 
-static void fused_tile(const struct job *job, int tile, void *memory) {
+static void fused_tile(const void *data, int tile, void *memory) {
+    const struct job *job = data;
     const struct fused *f = job->frame_memory;
     int top = tile * SPAN_BAND, bottom = int_min(job->frame->height, top + SPAN_BAND);
     struct fused_band band;

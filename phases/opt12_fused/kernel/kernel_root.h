@@ -29,16 +29,13 @@ const struct scene_kernel stepwise_kernel = {KERNEL_TAG,  COMPILER,   ROWS * siz
                                              fused_tiles, fused_tile, sizeof(struct fused),
                                              fused_begin};
 #else
-static int kernel_tiles(const struct job *job) {
-    return count_tiles(job);
-}
-
-static void kernel_tile(const struct job *job, int tile, void *memory) {
+static void kernel_tile(const void *data, int tile, void *memory) {
+    const struct job *job = data;
     draw_analytic_tile(
         job, tile, scratch_at(memory, KNOWN(job->prepared)->model.shape_count, REFILLED_PACKETS));
 }
 
 const struct scene_kernel stepwise_kernel = {
-    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), kernel_tiles, kernel_tile,
+    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), count_tiles, kernel_tile,
     0,          NULL};
 #endif

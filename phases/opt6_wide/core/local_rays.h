@@ -9,6 +9,15 @@
 #include "core/shape_distances.h"
 #include "groups/region.h"
 
+// Divides memory between the packets of a group: a wake and a local ray of each for each shape.
+static inline void place_packets(struct packet_group *group, int packets, vfloat *wake,
+                                 struct local_ray *local, int shapes) {
+    for (int i = 0; i < shapes * packets; i++)
+        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
+    for (int k = 0; k < packets; k++)
+        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
+}
+
 // Returns a packet that may meet all shapes, with rays in a worker's memory: core/tile.c.
 struct packet_rays packet_in(void *scratch, const struct prepared *scene);
 

@@ -5,14 +5,12 @@
 
 #include "core/kernel.h"
 #include "core/primitives.h"
-#include "driver/variant.h"
-#include "workers/workers.h"
 
 // The march reads `prepared`. The workers stand behind it.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // 16 lanes, else 8
+    const struct lane_kernel *kernel;
 };
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
@@ -20,13 +18,11 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!state)
         return NULL;
     if (shapes_reserve(&state->prepared, model)) {
-        state->sixteen = variant_here().lanes == 16;
-        state->workers = workers_start(threads, state->sixteen ? lanes16_scratch_size(model)
-                                                               : lanes8_scratch_size(model));
+        state->kernel = lanes_here();
+        state->workers = workers_start(threads, state->kernel->scratch_size(model));
     }
     if (!state->workers) {
-        shapes_release(&state->prepared);
-        free(state);
+        phase_release(&state->prepared);
         return NULL;
     }
     phase_update(&state->prepared, model);
@@ -40,31 +36,16 @@ void phase_release(struct prepared *prepared) {
     free(state);
 }
 
-// All workers read it, so it has cache lines of its own.
-struct frame_job {
-    alignas(WORKERS_APART) struct job job;
-    bool sixteen;
-};
-
-static void render_tile(const void *data, int tile, void *scratch) {
-    const struct frame_job *job = data;
-    if (job->sixteen)
-        lanes16_tile(&job->job, tile, scratch);
-    else
-        lanes8_tile(&job->job, tile, scratch);
-}
-
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct phase_state *state = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame}, state->sixteen};
-    workers_run(state->workers, render_tile, &job,
-                state->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    // All workers read it.
+    alignas(WORKERS_APART) struct job job = {prepared, view, frame};
+    workers_run(state->workers, state->kernel->tile, &job, state->kernel->tiles(&job));
     return true;
 }
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
     const struct phase_state *state = (const struct phase_state *)prepared; // its first member
-    return state->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
-                          : lanes8_distances(prepared, count, points, distance, nearest);
+    return state->kernel->distances(prepared, count, points, distance, nearest);
 }

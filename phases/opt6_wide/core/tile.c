@@ -26,11 +26,7 @@ static int tiles_across(const struct frame *frame) {
 // Divides a worker's memory between the packets of a group.
 static void init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
     vfloat *wake = scratch;
-    struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
-    for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
-    for (int k = 0; k < GROUP; k++)
-        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
+    place_packets(group, GROUP, wake, (struct local_ray *)(wake + shapes * GROUP), shapes);
 }
 
 struct packet_rays packet_in(void *scratch, const struct prepared *scene) {
@@ -40,7 +36,8 @@ struct packet_rays packet_in(void *scratch, const struct prepared *scene) {
 }
 
 // Draws a tile, GROUP blocks at a time, column by column.
-static void draw_tile(const struct job *job, int tile, void *scratch) {
+void draw_tile(const void *data, int tile, void *scratch) {
+    const struct job *job = data;
     struct frame *frame = job->frame;
     struct packet_group group;
     struct trace_context world = {job->prepared, job->view, &group};
@@ -72,14 +69,10 @@ static void draw_tile(const struct job *job, int tile, void *scratch) {
     }
 }
 
-size_t VARIANT(scratch_size)(const struct model *model) {
+size_t scratch_size(const struct model *model) {
     return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct local_ray));
 }
 
-int VARIANT(tiles)(const struct frame *frame) {
-    return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
-}
-
-void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
-    draw_tile(job, tile, scratch);
+int count_tiles(const struct job *job) {
+    return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }

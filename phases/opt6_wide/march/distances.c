@@ -1,13 +1,13 @@
-// Distances at given points, for tests (common/phase.h).
+// Distances at given points, for tests (common/phase.h), and with them the whole kernel of a lane width.
 #include "core/kernel.h"
 #include "core/local_rays.h"
 #include "core/pixel_block.h"
 
 #include <stdlib.h>
 
-bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
-                        double *distance, int *nearest) {
-    size_t size = VARIANT(scratch_size)(&prepared->model);
+static bool distances_at(const struct prepared *prepared, size_t count, const double *points,
+                         double *distance, int *nearest) {
+    size_t size = scratch_size(&prepared->model);
     void *scratch = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!scratch)
         return false;
@@ -24,3 +24,5 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     free(scratch);
     return true;
 }
+
+const struct lane_kernel VARIANT(kernel) = {scratch_size, count_tiles, draw_tile, distances_at};

@@ -117,15 +117,6 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
     }
 }
 
-static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
-                             int shapes) {
-    for (int i = 0; i < shapes * scratch->packets; i++)
-        scratch->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
-    for (int k = 0; k < scratch->packets; k++)
-        group->packet[k] =
-            (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
-}
-
 // Where the rays of each lane's square begin: no ray is hit before. +∞: no ray is hit at all.
 struct cone_starts {
     float lane[LANES];
@@ -194,27 +185,24 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
     }
 }
 
-static void draw_tile(const struct job *job, int tile, void *memory) {
+void draw_tile(const void *data, int tile, void *memory) {
+    const struct job *job = data;
     struct point origin = point_from_doubles(job->view->position);
     const struct prepared *scene = job->prepared;
     struct march_scratch scratch = march_scratch_of(memory, &scene->model);
     struct packet_group group;
     struct trace_context world = {scene, job->view, &group, &scratch};
-    init_packet_rays(&group, &scratch, scene->model.shape_count);
+    place_packets(&group, scratch.packets, scratch.wake, scratch.local, scene->model.shape_count);
     set_cone_origins(origin, scene, &scratch);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
                               tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};
     draw_area(whole, (struct cone_starts){{0}}, scene->all, origin, job, &world);
 }
 
-size_t VARIANT(scratch_size)(const struct model *model) {
+size_t scratch_size(const struct model *model) {
     return march_scratch_size(model);
 }
 
-int VARIANT(tiles)(const struct frame *frame) {
-    return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
-}
-
-void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
-    draw_tile(job, tile, scratch);
+int count_tiles(const struct job *job) {
+    return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }

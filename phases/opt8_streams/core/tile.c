@@ -25,19 +25,7 @@ static struct vec_double exact_direction(struct pixel_block block, const struct 
     vfloat rows = v_splat((float)(frame->height - 1)) - (row + row);
     vdouble x = v_double_mul(v_double_sum(columns, zero), per_height);
     vdouble y = v_double_mul(v_double_sum(rows, zero), per_height);
-    vdouble d[3];
-    vhalf low = v_half_splat(0.0), high = low;
-    for (int i = 0; i < 3; i++) {
-        d[i] = v_double_madd(x, view->right[i], v_double_mul(y, view->up[i]));
-        d[i] = v_double_sub(d[i], -view->forward[i]);
-        low = v_half_madd(d[i].low, d[i].low, low);
-        high = v_half_madd(d[i].high, d[i].high, high);
-    }
-    low = v_half_splat(1.0) / v_half_sqrt(low);
-    high = v_half_splat(1.0) / v_half_sqrt(high);
-    for (int i = 0; i < 3; i++)
-        d[i] = (vdouble){d[i].low * low, d[i].high * high};
-    return (struct vec_double){d[0], d[1], d[2]};
+    return v_double_look(x, y, view->forward, view->right, view->up);
 }
 
 static void store_hit(struct frame *frame, struct pixel_block block, vfloat start, int shapes,
@@ -136,15 +124,6 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
         }
     }
     follow_mirrors(world);
-}
-
-static void init_packet_rays(struct packet_group *group, struct march_scratch *scratch,
-                             int shapes) {
-    for (int i = 0; i < shapes * GROUP; i++)
-        scratch->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
-    for (int k = 0; k < GROUP; k++)
-        group->packet[k] =
-            (struct packet_rays){.local = scratch->local + k * shapes, .wake = scratch->wake + k};
 }
 
 static size_t whole_lines(size_t size) {
@@ -252,7 +231,8 @@ static bool within_bounds(const struct view *view, const struct model *model) {
     return at[0] * at[0] + at[1] * at[1] + at[2] * at[2] < most * most;
 }
 
-static void draw_strip(const struct job *job, int strip, void *memory) {
+void draw_tile(const void *data, int strip, void *memory) {
+    const struct job *job = data;
     const struct prepared *scene = job->prepared;
     int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
     struct march_scratch scratch = march_scratch_of(memory, &scene->model);
@@ -265,7 +245,7 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
         .scene = scene, .view = job->view, .group = &group, .scratch = &scratch, .queues = queues};
     world.eye = point_from_doubles(job->view->position);
     world.single_bulb = scene->single_bulb && within_bounds(job->view, &scene->model);
-    init_packet_rays(&group, &scratch, shapes);
+    place_packets(&group, GROUP, scratch.wake, scratch.local, shapes);
     struct tile_in_work drawn[STRIP_TILES], squares;
     int first = strip % across * STRIP_TILES, row = strip / across * tiles_across(job->frame);
     vmask *met = scratch.met;
@@ -288,16 +268,12 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
         store_colors(&drawn[i], i * TILE_PIXELS, job, queues);
 }
 
-size_t VARIANT(scratch_size)(const struct model *model) {
+size_t scratch_size(const struct model *model) {
     int shapes = model->shape_count;
     return scratch_offset(model) + whole_lines(sizeof(struct ray_queues)) +
            whole_lines((size_t)shapes * sizeof(int));
 }
 
-int VARIANT(tiles)(const struct frame *frame) {
-    return strips_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
-}
-
-void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
-    draw_strip(job, tile, scratch);
+int count_tiles(const struct job *job) {
+    return strips_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }

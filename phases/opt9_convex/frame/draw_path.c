@@ -25,7 +25,7 @@ enum draw_path draw_path_forced(void) {
 }
 
 // Returns NULL if the path that `trial` is forced to draws the scene.
-static const char *why_not(struct prepared *trial, const struct scene *scene, bool sixteen) {
+static const char *why_not(struct prepared *trial, const struct scene *scene) {
     if (!reserve_prepared(trial, &scene->model))
         return "out of memory";
     prepare_shapes(trial, &scene->model);
@@ -38,13 +38,13 @@ static const char *why_not(struct prepared *trial, const struct scene *scene, bo
     if (trial->path == PATH_BVH && !trial->bvh.levels)
         return "a BVH needs a solid, no Mandelbulb, no group, no \"repeat\" and march.max_steps of "
                "256 or more: list draws this scene";
-    if (!set_local_cameras(trial, &scene->view, sixteen))
+    if (!set_local_cameras(trial, &scene->view, lanes_here()))
         return "the camera should be within march.bounds_radius, above every plane and outside of "
                "every shape's bounding sphere: march draws this scene";
     return NULL;
 }
 
-const char *draw_path_unsupported(const struct scene *scene, bool sixteen) {
+const char *draw_path_unsupported(const struct scene *scene) {
     static char error[512];
     const char *text = getenv("STEPWISE_PATH");
     int path = path_named(text);
@@ -56,7 +56,7 @@ const char *draw_path_unsupported(const struct scene *scene, bool sixteen) {
         return error;
     }
     struct prepared trial = {.path = (enum draw_path)path};
-    const char *reason = why_not(&trial, scene, sixteen);
+    const char *reason = why_not(&trial, scene);
     free_prepared(&trial);
     if (!reason)
         return NULL;

@@ -7,9 +7,9 @@
 // Returns the path that STEPWISE_PATH names, PATH_DEFAULT if it names none.
 enum draw_path draw_path_forced(void);
 
-// Returns NULL if the forced path draws the scene from its camera, else the reason in one sentence. sixteen:
-// 16 lanes. A later frame in which a moved shape comes to the camera is marched without a word.
-const char *draw_path_unsupported(const struct scene *scene, bool sixteen);
+// Returns NULL if the forced path draws the scene from its camera, else the reason in one sentence. A
+// later frame in which a moved shape comes to the camera is marched without a word.
+const char *draw_path_unsupported(const struct scene *scene);
 
 // Returns the setting as text for the record, NULL if no path is forced.
 const char *draw_path_setting(enum draw_path path);

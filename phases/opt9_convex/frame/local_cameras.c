@@ -60,19 +60,20 @@ static bool set_each(const struct prepared *prepared, const struct view *view) {
 // Returns whether the camera is inside a Mandelbulb. Its rays hit at once, and normals come from estimates of
 // −0.2, where 14 bits are 1e-5 and the step is 1e-4: 18° of error (median of 57 cameras). fallback/march.c
 // has all bits. Precondition: set_each() returned true, so no other shape is nearer.
-static bool camera_in_bulb(const struct prepared *prepared, const struct view *view, bool sixteen) {
+static bool camera_in_bulb(const struct prepared *prepared, const struct view *view,
+                           const struct lane_kernel *lanes) {
     if (!prepared->known.bulbs)
         return false;
     double distance;
     int nearest;
-    if (!(sixteen ? lanes16_distances : lanes8_distances)(prepared, 1, view->position, &distance,
-                                                          &nearest))
+    if (!lanes->distances(prepared, 1, view->position, &distance, &nearest))
         return true; // memory is short: a march is always right
     return !(distance > prepared->model.march.hit_distance);
 }
 
-bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen) {
-    return set_each(prepared, view) && !camera_in_bulb(prepared, view, sixteen);
+bool set_local_cameras(const struct prepared *prepared, const struct view *view,
+                       const struct lane_kernel *lanes) {
+    return set_each(prepared, view) && !camera_in_bulb(prepared, view, lanes);
 }
 
 // Taller tiles let more rays share the wait for the slowest (Mandelbulbs), or give the sort of shadow rays

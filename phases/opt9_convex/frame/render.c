@@ -3,21 +3,18 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "driver/variant.h"
 #include "frame/draw_path.h"
 #include "frame/prepare.h"
-#include "phase.h"
-#include "workers/workers.h"
 
 // The memory behind a struct prepared: the caller's pointer is to its first member.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // 16 lanes, else 8
+    const struct lane_kernel *lanes;
 };
 
 const char *phase_unsupported(const struct scene *scene) {
-    return draw_path_unsupported(scene, variant_here().lanes == 16);
+    return draw_path_unsupported(scene);
 }
 
 const char *phase_settings(const struct prepared *prepared) {
@@ -33,16 +30,14 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     struct phase_state *kept = calloc(1, sizeof *kept);
     if (!kept)
         return NULL;
-    kept->sixteen = variant_here().lanes == 16;
+    kept->lanes = lanes_here();
     kept->prepared.path = draw_path_forced();
     if (reserve_prepared(&kept->prepared, model)) {
         prepare_shapes(&kept->prepared, model);
-        kept->workers = workers_start(threads, kept->sixteen ? lanes16_scratch_size(model)
-                                                             : lanes8_scratch_size(model));
+        kept->workers = workers_start(threads, kept->lanes->scratch_size(model));
     }
     if (!kept->workers) {
-        free_prepared(&kept->prepared);
-        free(kept);
+        phase_release(&kept->prepared);
         return NULL;
     }
     return &kept->prepared;
@@ -55,34 +50,19 @@ void phase_release(struct prepared *prepared) {
     free(kept);
 }
 
-// Aligned away from what the caller writes on its stack, because all workers read it.
-struct frame_job {
-    alignas(WORKERS_APART) struct job job;
-    bool sixteen;
-};
-
-static void render_tile(const void *data, int tile, void *memory) {
-    const struct frame_job *job = data;
-    if (job->sixteen)
-        lanes16_tile(&job->job, tile, memory);
-    else
-        lanes8_tile(&job->job, tile, memory);
-}
-
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {
-        {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),
-         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen), NULL},
-        kept->sixteen};
-    workers_run(kept->workers, render_tile, &job,
-                kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
+    bool analytic = prepared->analytic && set_local_cameras(prepared, view, kept->lanes);
+    int high = tile_height(prepared, frame->height);
+    // All workers read it.
+    alignas(WORKERS_APART) struct job job = {prepared, view,     frame, prepared->cameras,
+                                             high,     analytic, NULL};
+    workers_run(kept->workers, kept->lanes->tile, &job, kept->lanes->tiles(&job));
     return true;
 }
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
-                         : lanes8_distances(prepared, count, points, distance, nearest);
+    return kept->lanes->distances(prepared, count, points, distance, nearest);
 }

@@ -59,7 +59,7 @@ static int candidate_slots(const struct model *model) {
 
 // Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for
 // marched ones.
-size_t VARIANT(scratch_size)(const struct model *model) {
+static size_t scratch_size(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = PAIR * shapes * sizeof(struct local_ray);
     // With STEPWISE_PATH=bvh a smaller scene has a BVH: its reads behind the last shape need the room of
     // BVH_MIN_SHAPES.
@@ -68,13 +68,14 @@ size_t VARIANT(scratch_size)(const struct model *model) {
     return scratch > marching ? scratch : marching;
 }
 
-int VARIANT(tiles)(const struct job *job) {
+static int tiles(const struct job *job) {
     if (job->analytic)
         return count_tiles(job);
     return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *memory) {
+static void draw_any_tile(const void *data, int tile, void *memory) {
+    const struct job *job = data;
     if (job->analytic)
         draw_analytic_tile(job, tile,
                            scratch_at(memory, job->prepared->model.shape_count,
@@ -83,8 +84,8 @@ void VARIANT(tile)(const struct job *job, int tile, void *memory) {
         draw_tile(job, tile, memory);
 }
 
-bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
-                        double *distance, int *nearest) {
+static bool distances(const struct prepared *prepared, size_t count, const double *points,
+                      double *distance, int *nearest) {
     size_t size = (size_t)prepared->model.shape_count * sizeof(struct local_ray);
     struct local_ray *local_rays = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!local_rays)
@@ -100,3 +101,5 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     free(local_rays);
     return true;
 }
+
+const struct lane_kernel VARIANT(kernel) = {scratch_size, tiles, draw_any_tile, distances};

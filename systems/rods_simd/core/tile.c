@@ -34,10 +34,7 @@ static int tiles_across(const struct frame *frame) {
 static struct survey *init_packet_rays(struct packet_group *group, void *scratch, int shapes) {
     vfloat *wake = scratch;
     struct local_ray *local = (struct local_ray *)(wake + shapes * GROUP);
-    for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
-    for (int k = 0; k < GROUP; k++)
-        group->packet[k] = (struct packet_rays){.local = local + k * shapes, .wake = wake + k};
+    place_packets(group, GROUP, wake, local, shapes);
     return (struct survey *)(local + GROUP * shapes);
 }
 
@@ -114,7 +111,8 @@ static void draw_block(struct pixel_block block, struct point origin, struct ray
         draw_waiting(waiting, job, world);
 }
 
-static void draw_tile(const struct job *job, int tile, void *scratch) {
+void draw_tile(const void *data, int tile, void *scratch) {
+    const struct job *job = data;
     struct frame *frame = job->frame;
     const struct model *model = &job->prepared->model;
     struct packet_group group;
@@ -144,15 +142,11 @@ static void draw_tile(const struct job *job, int tile, void *scratch) {
         draw_waiting(&waiting, job, &world);
 }
 
-size_t VARIANT(scratch_size)(const struct model *model) {
+size_t scratch_size(const struct model *model) {
     return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct local_ray)) +
            sizeof(struct survey);
 }
 
-int VARIANT(tiles)(const struct frame *frame) {
-    return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
-}
-
-void VARIANT(tile)(const struct job *job, int tile, void *scratch) {
-    draw_tile(job, tile, scratch);
+int count_tiles(const struct job *job) {
+    return tiles_across(job->frame) * ((job->frame->height + TILE - 1) / TILE);
 }
