@@ -18,6 +18,9 @@ struct lane_kernel {
 };
 
 extern const struct lane_kernel lanes8_kernel, lanes16_kernel;
+#ifdef __wasm__ // built for 8 alone
+#pragma weak lanes16_kernel
+#endif
 
 // Returns the widest that this CPU supports.
 static inline const struct lane_kernel *lanes_here(void) {
