@@ -52,14 +52,3 @@ def test_a_block_is_what_its_published_runs_say(option: str) -> None:
     text = page.read_text()
     run = analysis.load(ROOT / "results" / "reference" / (RUN.findall(text) or ["zen4-2026-11-29"])[0])
     assert tables.rewritten(option, run, ladder.rows(run)) == text, f"stepwise tables RUN --{option}"
-
-
-def test_the_lesson_of_opt9_has_the_times_of_its_run() -> None:
-    text = (ROOT / "phases" / "opt9_convex" / "NOTES.md").read_text()
-    said = " ".join(text.partition("## Result")[2].partition("<!--")[0].split())
-    (name,) = set(RUN.findall(said))
-    timed = ladder.rows(analysis.load(ROOT / "results" / "reference" / name)).set_index(["scene", "phase"])
-    for scene in ("scene0", "mandelbulb"):
-        pair = [timed.loc[(scene, phase), "ms"] for phase in ("opt8_streams", "opt9_convex")]
-        before, after = re.search(rf"{scene} ([\d.]+)(?: ms)? \[[^]]*\] → ([\d.]+)", said).groups()
-        assert [float(before), float(after)] == pytest.approx(pair, rel=5e-4)

@@ -12,7 +12,7 @@ from study.core import patches, registry, store
 from study.core.cli import StudyError
 from study.experiments.ablations import ideas
 from study.pictures.draw import STYLE
-from study.report import lessons, lessons_draw
+from study.report import lesson_times, lessons, lessons_draw
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
 LINES, COLUMNS, EXCERPT = 60, 100, 15
@@ -64,7 +64,7 @@ def follows(excerpt: list[str], source: list[str]) -> int:
 
 
 def missing(excerpt: list[str], sources: list[list[str]]) -> list[str]:
-    """Of an excerpt, the lines from the first on that no source has. Comments are free."""
+    """The lines of an excerpt from the first on that no source has. Comments are free."""
     own = [line for line in map(normal, excerpt) if line]
     return own[max(follows(own, source) for source in sources) :]
 
@@ -117,6 +117,11 @@ def test_a_legend_of_its_figure_is_beside_the_title(name: str) -> None:
             title = axes.get_title(loc="left") and axes._left_title.get_window_extent()  # pyright: ignore
             legend = axes.get_legend()
             assert not (title and legend and legend.get_window_extent().overlaps(title))
+
+
+@pytest.mark.parametrize("name", sorted({*lessons.PANELS} & {*registry.ladder()} - {"baseline"}))
+def test_its_times_are_what_the_published_run_says(name: str) -> None:
+    assert lesson_times.filled(name, notes(name)) == notes(name)
 
 
 WITH_IDEAS = [name for name in PHASES if ideas.of(name)]
