@@ -1,9 +1,13 @@
-// Shadow rays that need no march. The soft shadow is the paper's: the least term strength·√(h² − y²)/(t − y)
-// over the steps of a march by the distance h to the scene, with y = h²/(2·previous h). It depends on the
-// steps, but for most rays its value follows from bounds (PROOFS.md).
+// Shadow rays that need no march: no shape brings their light below 1, but for their own at the start (PROOFS.md).
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
+#include "types/ideal.h"
 #include "types/tile_context.h"
+
+// Returns q: a ray that no shape comes nearer to than q·t is lit. Ideal: by the ratio itself, with a margin for rounding.
+INLINE float lit_cone(const struct known_scene *scene) {
+    return SOFT_IS_IDEAL ? (float)((1 + 1e-5) / scene->model.shadow_strength) : scene->lit_slope;
+}
 
 // Removes from *clear the rays that shape i may darken.
 INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
@@ -13,7 +17,7 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         return;
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
-    float q = scene->lit_slope;
+    float q = lit_cone(scene);
     vmask here;
     if (s->eval == EVAL_LINEAR) {
         here = v_or(is_shape(shape, i),
@@ -22,10 +26,12 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         ACTIVE(v_count(*clear));
         COUNT(cone_test, call);
         float slope = lit_slope_for(s, q);
+        if (SOFT_IS_IDEAL && s->type == SHAPE_MANDELBULB && q < share_of(s))
+            slope = q / share_of(s);
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
-        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && !IS_GROUP(s) &&
-            v_any(v_andnot(here, *clear)))
+        if (!SOFT_IS_IDEAL && s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB &&
+            !IS_GROUP(s) && v_any(v_andnot(here, *clear)))
             here = v_or(here, plane_between(to, to_light, s, q));
         if (v_any(v_andnot(here, *clear)))
             here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
@@ -42,45 +48,4 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
             shape_trivially_lit(set_shape(&work->scratch->occluders, k), *point, *local, *to_light,
                                 facing, shape, work, &clear);
     return clear;
-}
-
-// Returns the surface's curvature in direction l at a point with normal n: how fast the slope of the distance
-// grows.
-INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
-                        const struct primitive *s) {
-    vfloat zero = v_splat(0.0f), tangent = v_nmadd(facing, facing, v_splat(1.0f));
-    if (s->type == SHAPE_SPHERE)
-        return tangent * v_splat(1.0f / s->a);
-    if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
-        return zero;
-    vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
-    vfloat round = v_msub(p.x, l.z, p.z * l.x); // radius times the component along the ring
-    vfloat ring = round * round * v_madd(n.x, p.x, n.z * p.z) / (square * square);
-    if (s->type == SHAPE_CONE)
-        return ring;
-    return ring + v_max(tangent - round * round / square, zero) * v_splat(1.0f / s->b);
-}
-
-vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
-                   const struct prepared *scene) {
-    const struct limits *march = &scene->model.march;
-    vfloat one = v_splat(1.0f), strength = v_splat((float)KNOWN(scene)->model.shadow_strength);
-    vfloat t = v_splat((float)KNOWN(scene)->model.march.surface_offset);
-    vfloat hit = v_splat((float)march->hit_distance);
-    vfloat half = v_splat(0.0f);
-    if (s->eval != EVAL_LINEAR) {
-        half =
-            v_splat(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
-    }
-    vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
-    vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
-    vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
-    vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
-                  v_nmadd(v_splat(0.5f) * ratio, v, one);
-    // A march that starts within the hit distance ends at once, without a term.
-    vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
-    if (march->max_steps < 2)
-        second = v_mask_none();
-    vfloat least = v_select(first, v_min(one, strength * u), one);
-    return v_select(second, v_min(least, term), least);
 }
