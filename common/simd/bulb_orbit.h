@@ -18,6 +18,8 @@ static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
 
 // Writes to `b`. A returned struct would be copied in halves, and loads would wait for the stores.
 static inline void bulb_begin(struct scaled_orbit *b, struct vec p, vmask live) {
+    ACTIVE(v_count(live));
+    COUNT(bulb_estimate, call);
     b->x = p.x;
     b->y = p.y;
     b->z = p.z;

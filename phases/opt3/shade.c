@@ -50,18 +50,18 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, vma
     vdouble cos_light = vec_dot(n, to_light);
     // No shadow ray where the surface faces away, because both terms are zero there, or where the light
     // lies on the surface and has no direction.
-    vmask lit = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
+    vmask front = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
     struct vec color = vec_scale(albedo, v_splat(0.01)); // ambient
-    if (!v_any(lit))
+    if (!v_any(front))
         return color;
-    ACTIVE(v_count(lit));
+    ACTIVE(v_count(front));
     COUNT(light_at, lit);
-    vdouble attenuation = shadow(p, to_light, distance, lit, world->scene) / distance;
-    ACTIVE(v_count(lit));
+    vdouble attenuation = shadow(p, to_light, distance, front, world->scene) / distance;
+    ACTIVE(v_count(front));
     struct vec emission = vec_set(world->view->light_emission);
     struct vec bright =
         lit_color(n, direction, to_light, cos_light, attenuation, surface, emission, color);
-    return vec_select(lit, bright, color);
+    return vec_select(front, bright, color);
 }
 
 void trace(struct vec origin, struct vec direction, vmask active, int bounce,

@@ -229,19 +229,19 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     vfloat cos_light = vec_dot(n, to_light);
     // No shadow ray where the surface faces away, because both terms are zero there, or where the light
     // lies on the surface and has no direction.
-    vmask lit = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
+    vmask front = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
     struct vec color = vec_scale(albedo, v_splat(0.01f)); // ambient
-    if (!v_any(lit))
+    if (!v_any(front))
         return color;
-    ACTIVE(v_count(lit));
+    ACTIVE(v_count(front));
     COUNT(light_at, lit);
-    vfloat attenuation = shadow(p, to_light, distance, lit, world) / distance;
-    ACTIVE(v_count(lit));
+    vfloat attenuation = shadow(p, to_light, distance, front, world) / distance;
+    ACTIVE(v_count(front));
     const double *e = world->view->light_emission;
     struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
     struct vec bright =
         lit_color(n, direction, to_light, cos_light, attenuation, surface, emission, color);
-    return vec_select(lit, bright, color);
+    return vec_select(front, bright, color);
 }
 
 void trace(struct point origin, struct vec direction, vmask active, int bounce,

@@ -12,6 +12,8 @@ struct bulb_orbit {
 };
 
 static inline struct bulb_orbit bulb_start(struct vec p, vmask live) {
+    ACTIVE(v_count(live));
+    COUNT(bulb_estimate, call);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on. From 32 on the estimate after the one iteration that
     // escapes is r·ln(r)/3 to a float's precision.
     vfloat m = vec_dot(p, p);

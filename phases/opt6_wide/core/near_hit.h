@@ -6,7 +6,7 @@ struct packet_rays; // core/packet_group.h
 struct lighting {
     struct vec to_light;     // of unit length
     vfloat distance, facing; // facing: normal·to_light
-    vmask lit;
+    vmask front;             // faces the light
 };
 
 static inline struct vec from_to(struct point from, const double to[3]) {
@@ -24,8 +24,8 @@ static inline struct lighting light_from(struct point p, struct vec n, vmask fou
     to_light = vec_scale(to_light, v_splat(1.0f) / distance);
     vfloat facing = vec_dot(n, to_light);
     // A surface turned away is unlit whatever the shadow. A light on the surface has no direction.
-    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
-    return (struct lighting){to_light, distance, facing, lit};
+    vmask front = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
+    return (struct lighting){to_light, distance, facing, front};
 }
 
 // The surroundings of a hit, evaluated with the hit as origin. The march is less exact: it has rounded origin and

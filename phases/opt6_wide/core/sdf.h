@@ -36,7 +36,8 @@ packet_distance(struct packet_group *group, int k, int shape, int size,
                 const struct primitive *primitive, bool steady, enum eval_kind kind,
                 enum shape_type type, struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
-    COUNT(packet_distance, call);
+    if (kind != EVAL_LINEAR) // a plane's product is counted as no evaluation
+        COUNT(packet_distance, call);
     const struct local_ray *a = &group->packet[k].local[shape];
     vfloat t = group->t[k];
     vfloat distance = distance_to_shape(a, t, primitive, !steady, kind, type, group->live[k]);

@@ -34,13 +34,13 @@ static inline struct vec light_at(struct vec n, struct vec direction, const stru
                                   vfloat shadow, const struct materials *surface,
                                   const struct view *view) {
     struct vec color = vec_scale(surface->color, v_splat(0.01f)); // ambient
-    if (!v_any(light->lit))
+    if (!v_any(light->front))
         return color;
     const double *e = view->light_emission;
     struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
     struct vec bright = lit_color(n, direction, light->to_light, light->facing,
                                   shadow / light->distance, surface, emission, color);
-    return vec_select(light->lit, bright, color);
+    return vec_select(light->front, bright, color);
 }
 
 // Marches the rays of `size` packets and lights their hits, without mirrors and fog. Each array has one element per
@@ -51,7 +51,7 @@ static inline void light_hits(const struct ray_group *rays, int size, struct tra
     struct vec background = vec_from_doubles(world->scene->model.background);
     ray_march(rays, world, hit);
     for (int k = 0; k < size; k++) {
-        light[k].lit = v_mask_none();
+        light[k].front = v_mask_none();
         surface[k] = (struct materials){0};
         if (!v_any(hit[k].found))
             continue;

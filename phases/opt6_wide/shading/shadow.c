@@ -12,7 +12,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     vfloat distance[GROUP];
     for (int k = 0; k < GROUP; k++) {
         distance[k] = light[k].distance;
-        group->live[k] = none ? v_mask_none() : light[k].lit;
+        group->live[k] = none ? v_mask_none() : light[k].front;
     }
     start_packets(group);
     for (int i = 0; i < group->count; i++) {

@@ -15,14 +15,14 @@ static void list_occluders(const struct hit *hit, const struct lighting *light,
     struct vec direction[GROUP];
     vmask active[GROUP];
     const struct ray_group rays = {origin, direction, active, v_splat(0.0f)};
-    vmask lit = v_mask_none();
+    vmask front = v_mask_none();
     for (int k = 0; k < packets_in(group); k++) {
         rays.origin[k] = hit[k].point;
         rays.direction[k] = light[k].to_light;
         rays.active[k] = group->live[k];
-        lit = v_or(lit, group->live[k]);
+        front = v_or(front, group->live[k]);
     }
-    if (!v_any(lit))
+    if (!v_any(front))
         return;
     enum shadows shadows = world->scene->model.shadows;
     list_for_bundle(&rays, shadows == SHADOWS_SOFT ? NULL : length,
@@ -41,7 +41,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct trace_co
     vfloat distance[GROUP];
     for (int k = 0; k < packets_in(group); k++) {
         distance[k] = light[k].distance;
-        group->live[k] = none ? v_mask_none() : light[k].lit;
+        group->live[k] = none ? v_mask_none() : light[k].front;
     }
     list_occluders(hit, light, distance, world);
     start_packets(group);

@@ -55,7 +55,7 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
     // The mirrored direction is minus the paper's R.
     vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
     vfloat specular = v_splat(0.0f);
-    vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
+    vmask shines = v_and(light->front, v_cmp_gt(shine, surface->shine_from));
     if (v_any(shines)) {
         specular = v_select_or_zero(
             shines, v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess));
@@ -121,11 +121,11 @@ static struct vec lit_color(struct vec color, struct vec bright, const struct hi
                             const struct packet_rays *packet, struct trace_context *world) {
     const struct prepared *scene = world->scene;
     bool soft = scene->model.shadows == SHADOWS_SOFT;
-    vmask open = light->lit;
+    vmask open = light->front;
     if (scene->model.shadows != SHADOWS_NONE) {
         bool marched = !scene->all_bounded || scene->model.shadows == SHADOWS_IDEAL;
         open = marched ? v_mask_none() : trivially_lit(hit, light, packet, world);
-        vmask shadowed = v_andnot(open, light->lit);
+        vmask shadowed = v_andnot(open, light->front);
         if (v_any(shadowed))
             queue_shadow(shadowed, hit, light, bright, pixel, world->queues);
         if (soft && v_any(open))
@@ -154,7 +154,7 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     }
     color =
         vec_select(hit->found, vec_scale(surface.color, weight * v_splat(0.01f)), color); // ambient
-    if (v_any(light->lit)) {
+    if (v_any(light->front)) {
         struct vec bright =
             light_at(hit->normal, rays->direction[k], light, weight, &surface, world->view);
         color = lit_color(color, bright, hit, light, rays->pixel[k], packet, world);
@@ -179,15 +179,15 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
             world->group->packet[k].list = list;
     }
     struct lighting light[GROUP];
-    vmask lit = v_mask_none();
+    vmask front = v_mask_none();
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
-        light[k].lit = v_mask_none();
+        light[k].front = v_mask_none();
         if (v_any(hit[k].found))
             light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
-        lit = v_or(lit, light[k].lit);
+        front = v_or(front, light[k].front);
     }
-    if (v_any(lit) && world->scene->model.shadows != SHADOWS_NONE)
+    if (v_any(front) && world->scene->model.shadows != SHADOWS_NONE)
         list_occluders(hit, light, world);
     for (int k = 0; k < GROUP; k++)
         if (v_any(rays->active[k]))

@@ -8,22 +8,22 @@
 #include "packet/light_bundle.h"
 #include "shadow/shadow_cone.h"
 
-// Sets the bundle of the group's shadow rays. Returns false if it is too wide, or if no hit is lit.
+// Sets the bundle of the group's shadow rays. Returns false if it is too wide, or if no hit faces the light.
 static bool bundle_of_group(const struct hit *hit, const struct lighting *light,
                             const struct view *view, struct light_bundle *ball) {
     vfloat none = v_splat(INFINITY);
     struct vec least = {none, none, none}, most = {-none, -none, -none};
     for (int k = 0; k < GROUP; k++) {
-        vmask lit = light[k].lit;
-        if (!v_any(lit))
+        vmask front = light[k].front;
+        if (!v_any(front))
             continue;
         struct vec p = hit[k].point.hi;
-        least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
-                             v_select(lit, v_min(p.y, least.y), least.y),
-                             v_select(lit, v_min(p.z, least.z), least.z)};
-        most = (struct vec){v_select(lit, v_max(p.x, most.x), most.x),
-                            v_select(lit, v_max(p.y, most.y), most.y),
-                            v_select(lit, v_max(p.z, most.z), most.z)};
+        least = (struct vec){v_select(front, v_min(p.x, least.x), least.x),
+                             v_select(front, v_min(p.y, least.y), least.y),
+                             v_select(front, v_min(p.z, least.z), least.z)};
+        most = (struct vec){v_select(front, v_max(p.x, most.x), most.x),
+                            v_select(front, v_max(p.y, most.y), most.y),
+                            v_select(front, v_max(p.z, most.z), most.z)};
     }
     const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
     float from[3], to[3], at[3];
@@ -55,7 +55,7 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light,
     const struct prepared *scene = world->scene;
     float q = scene->lit_slope;
     struct vec point = hit->point.hi;
-    vmask clear = light->lit;
+    vmask clear = light->front;
     if (scene->model.shadows == SHADOWS_HARD) // its own shape must fall away by the slope, too
         clear = v_and(clear, v_cmp_ge(light->facing, v_splat(q)));
     for (int k = 0; k < world->queues->occluder_count && v_any(clear); k++) {

@@ -87,6 +87,8 @@ step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lan
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
             p[k].t);
         b[k] = chebyshev_orbit(&lanes[k], p[k].t, p[k].done);
+        ACTIVE(v_count(b[k].on));
+        COUNT(bulb_estimate, call);
         b[k].on = v_cmp_ngt_in(b[k].on, b[k].m, v_splat(s->bailout));
     }
     bulbs_end(s, 1, false, true, false, count, b, at, h);

@@ -176,6 +176,8 @@ INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half
 // that entered a convex solid behind their origin, which may be inside. Not for planes.
 INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask active, vfloat *t,
                    struct vec *point, vmask *behind) {
+    ACTIVE(v_count(active));
+    COUNT(enter, call);
     vfloat before = v_splat(0.0f) - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
     vfloat square = vec_dot(c, c);

@@ -120,6 +120,7 @@ static inline vfloat distance_to(const struct candidate *c, const struct batch_p
     const struct primitive *s = c->shape;
     if (s->eval == EVAL_LINEAR)
         return plane_height(s, v_and(w->rays.active, is_shape(w->rays.shape, (int)s->index)), w);
+    COUNT(candidate_active, call);
     if ((int)s->index == w->solid)
         return distance_to_own_solid(w, s);
     struct vec p = turned(s, offset_from_candidate(c, w->at));
@@ -133,7 +134,6 @@ static inline vfloat distance_to(const struct candidate *c, const struct batch_p
 static inline void evaluate_candidate(const struct candidate *c, int k, struct batch_packet *w,
                                       struct falling_bound *below) {
     ACTIVE(LANES - v_count(is_idle(w)));
-    COUNT(candidate_active, call);
     vfloat h = distance_to(c, w);
     *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
     int kept = v_any(v_cmp_lt(h, w->least)) - 1; // branch-free: a branch would wait for the root

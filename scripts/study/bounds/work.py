@@ -3,7 +3,8 @@ roof of their own operations, how far from truth. All of it is in other tables; 
 
 Evaluations are those of one solid or Mandelbulb, of all rays of a picture: distances, estimates, and entries
 in closed form; a plane's, which is a product of vectors, is counted in none. Lane efficiency: FLOPs of lanes
-whose result is used over FLOPs executed, of the whole phase (costs.def times what a counting build ran).
+whose result is used over FLOPs executed, of the whole phase (costs.def times what a counting build ran); of a
+phase that declares none, active lanes over all lanes of the calls that it counts.
 """
 
 import math
@@ -24,6 +25,8 @@ PLANE = "sdf_plane"
 ESTIMATES = ("bulb_end", "bulb_estimate")
 ESTIMATED = "sdf_mandelbulb"  # is one of those, or calls it
 ENTRIES = "enter"  # a ray's entry into one solid, in closed form
+# Of phases that declare no FLOPs, beside estimates and entries: a call is a distance to one shape.
+STEPS = ("packet_distance", "group_shape", "solid_step", "candidate_awake", "candidate_active", "widest_step")
 TIMED = ("scene", "width", "height", "phase", "ms", "speedup", "speedup_low", "speedup_high", "ns_per_pixel")
 GENERAL = "of its general code"
 NOTE = (
@@ -63,16 +66,17 @@ class Row(Work):
 
 
 def evaluations(by_function: Mapping[str, Function]) -> float:
-    """Of one solid or Mandelbulb, over all rays of a picture; NaN where no function of these is known."""
+    """Evaluations of one solid or Mandelbulb, over all rays of a picture; NaN where none is counted."""
     lanes = {name: one.lanes for name, one in by_function.items()}
     solids = [n for f, n in lanes.items() if f.startswith(DISTANCES) and f not in (PLANE, ESTIMATED)]
     bulbs = next((lanes[name] for name in ESTIMATES if name in lanes), lanes.get(ESTIMATED))
-    some = [*solids, *([] if bulbs is None else [bulbs]), *([lanes[ENTRIES]] if ENTRIES in lanes else [])]
-    return float(sum(some)) if some else math.nan
+    if not solids and bulbs is not None:
+        solids = [lanes[name] for name in STEPS if name in lanes]
+    return float(sum([*solids, bulbs or 0, lanes.get(ENTRIES, 0)])) or math.nan
 
 
 def efficiency(one: Declared) -> float:
-    """Of FLOPs; of a phase that declares none, of the lanes of all calls. NaN for neither."""
+    """Useful share of the FLOPs; of a phase that declares none, of its calls' lanes. NaN for neither."""
     if one.executed:
         return one.useful / one.executed
     calls = sum(function.calls for function in one.by_function.values()) * one.lanes

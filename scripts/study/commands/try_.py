@@ -7,7 +7,7 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.counting import flops
-from study.counting.schema import Declared, Function
+from study.counting.schema import Declared
 from study.numbers import stats
 from study.numbers.accuracy import Row
 from study.numbers.stats import Interval
@@ -42,8 +42,6 @@ FRAME = 0.1  # s that a timed frame may take: ten launches of both fit half a mi
 POLL = 0.5  # s between two looks at the files
 CHANGED = 0.001  # of calls: less is not listed
 LISTED = 12  # functions
-PACKETS = "packet_distance"  # of phases with packets of rays: the distance of a packet to a shape
-IN_GROUPS = "group_shape"  # the same, of a shape in a group
 DOUBT = ' The interval holds 1: no difference can be told. More launches narrow it: ARGS="--launches 30".'
 
 
@@ -151,7 +149,7 @@ def counted(spec: Spec, scene: Scene, height: int) -> Declared | None:
 
 
 def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bool, Path]:
-    """Of each its row against ground truth (as stepwise accuracy has it), its metrics against baseline and
+    """Each phase's row against ground truth (as stepwise accuracy has it), its metrics against baseline and
     what fails; whether both pictures have the same bits; and the strip of pictures. Raises StudyError where
     one cannot draw the scene.
     """
@@ -184,13 +182,6 @@ def errors(both: Sides, scene: Scene, height: int) -> tuple[dict[Spec, Side], bo
     path = FOLDER / f"{mine}-{scene.name}.png"
     drawn = panels.save(panels.pair(pair, names, title, metrics, notes, bad), path)
     return found, bool(metrics["identical"]), drawn
-
-
-def shape_evaluations(by_function: Mapping[str, Function]) -> float:
-    """Of all rays, lane by lane; NaN where nothing of these is counted."""
-    lanes = {name: one.lanes for name, one in by_function.items()}
-    single = lanes[PACKETS] if PACKETS in lanes else work.evaluations(by_function)
-    return single + lanes.get(IN_GROUPS, 0)
 
 
 def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
@@ -228,7 +219,7 @@ def compared(args: argparse.Namespace) -> Compared:
             machine = counts_of.flops.machine if counts_of.flops else None
             calls_of = {name: one.calls for name, one in counts_of.by_function.items()}
             side = replace(side, flops=machine, costs=stated_by(spec.phase), parts=parts, calls=calls_of)
-            shapes = shape_evaluations(counts_of.by_function)
+            shapes = work.evaluations(counts_of.by_function)
             side = replace(
                 side, shape_evaluations=shapes / found[spec].truth.width / found[spec].truth.height
             )

@@ -28,6 +28,10 @@ def counts(phase: str, active: dict[str, int], **more: object) -> Declared:
         # Where the bulb has its own functions, those that end are all of them, the function's among them.
         ({"sdf_mandelbulb": 2, "bulb_start": 80, "bulb_estimate": 82, "sdf_sphere": 1}, 83),
         ({"sdf_sphere": 1, "enter": 7, "enter_cone": 3, "bulb_end": 20, "bulb_step": 90}, 28),
+        # A phase without costs counts calls that are distances, and estimates: else it is an older version's.
+        ({"packet_distance": 30, "group_shape": 50, "march_step": 7, "bulb_estimate": 4}, 84),
+        ({"enter": 5, "candidate": 9, "candidate_awake": 3, "widest_step": 2, "bulb_estimate": 0}, 10),
+        ({"packet_distance": 30, "march_step": 7}, math.nan),
         ({"draw": 3}, math.nan),
     ],
 )

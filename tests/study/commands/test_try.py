@@ -69,20 +69,6 @@ def test_a_phase_outside_its_tolerance_ends_with_status_1_and_says_which(tried, 
 
 
 @pytest.mark.parametrize(
-    ("lanes", "all_of_them"),
-    [
-        ({"packet_distance": 30, "group_shape": 50, "sdf_sphere": 7}, 80),
-        ({"packet_distance": 30}, 30),
-        ({"sdf_sphere": 7, "sdf_plane": 9}, 7),
-        ({"enter": 4, "group_shape": 50}, 54),
-    ],
-)
-def test_shapes_of_groups_are_evaluated_too(lanes, all_of_them):
-    counted = {name: SimpleNamespace(lanes=count) for name, count in lanes.items()}
-    assert try_.shape_evaluations(counted) == all_of_them
-
-
-@pytest.mark.parametrize(
     ("name", "costs"),
     [
         ("opt2", "opt2"),
