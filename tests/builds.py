@@ -105,7 +105,7 @@ def by_gcc(name: str) -> Wanted:
 
 
 def phase_tests(name: str) -> Tests:
-    """Of one phase after an edit."""
+    """Builds of one phase after an edit."""
     return {f"{name} by gcc": by_gcc(name), f"{name} read by clang": {"build/clang": [f"{name}/syntax/read"]}}
 
 
@@ -129,7 +129,7 @@ def rest_tests() -> Tests:
 
 
 def c_tests_by_clang() -> list[str]:
-    """Of lanes, approximations and what phases compute; reading scenes and the like is held by gcc's."""
+    """Tests of lanes, approximations and what phases compute; gcc's hold reading scenes and the like."""
     left = ("frame", "measure", "scene", "viewer")
     return sorted(p.stem for p in (ROOT / "tests/c").glob("*/test_*.c") if p.parent.name not in left)
 

@@ -116,7 +116,7 @@ def build(half: str, phase: str | None) -> dict[str, Tally]:
 
 def concerning(phase: str) -> list[str]:
     """Files of the tests that name the phase, and those with a test for each phase."""
-    files = [path for folder in WHOLE_FILES for path in sorted((ROOT / "tests" / folder).glob("test_*.py"))]
+    files = [path for folder in WHOLE_FILES for path in sorted((ROOT / "tests" / folder).rglob("test_*.py"))]
     named = [
         path for path in files if re.search(rf"\b{re.escape(phase)}\b", path.read_text(encoding="utf-8"))
     ]

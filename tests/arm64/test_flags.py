@@ -1,4 +1,4 @@
-"""Of another machine phase.json keeps neither the flags and instruction sets of x86 nor its 16 lanes."""
+"""Another machine's phase.json has neither the flags and instruction sets of x86 nor its 16 lanes."""
 
 from __future__ import annotations
 

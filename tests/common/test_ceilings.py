@@ -323,7 +323,7 @@ def test_ceilings_are_held_against_the_ports() -> None:
 
 
 def test_it_measures_again_until_they_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of each the best that the ports allow; no more than the tries that are granted."""
+    """Each ceiling is the best that the ports allow; no more than the tries that are granted."""
     runs = [
         fmas(EMERALD, d256=13.5, s256=32.0, d512=31.9, s512=66.0),
         fmas(EMERALD, d256=15.9, s256=25.0, d512=20.0, s512=45.9),

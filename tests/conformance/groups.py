@@ -101,7 +101,7 @@ def _of_members(group: dict) -> Bound:
 
 
 def bound(node: dict, root: bool = False) -> Bound:
-    """Of a shape or group as the file has it; a root's transform is its shape's, not its field's."""
+    """Bound of a shape or group as the file has it; a root's transform is its shape's, not its field's."""
     if node["type"] == "group":
         made = _of_members(node)
         lateral = math.hypot(made.centre[0], made.centre[2]) + made.radius
@@ -131,7 +131,7 @@ def bound(node: dict, root: bool = False) -> Bound:
 
 
 def _signs(group: dict) -> Array:
-    """Of each child, that make the operation a minimum, whose own sign is the first child's."""
+    """Signs of the children that make the operation a minimum, whose own sign is the first child's."""
     rest = -1 if group["operation"] == "intersection" else 1
     return np.array([1 if group["operation"] == "union" else -1] + [rest] * (len(group["shapes"]) - 1))
 
@@ -181,12 +181,12 @@ def _at(local: Array, node: dict) -> Array:
 
 
 def field(points: Array, node: dict) -> Array:
-    """Of a member: in its parent's coordinates, not divided by its slope."""
+    """The field of a member: in its parent's coordinates, not divided by its slope."""
     return _at(geometry.to_shape_frame(points, node), node)
 
 
 def distance(points: Array, shape: dict) -> Array:
-    """Of a shape of the scene: its field divided by its slope, as every phase has it."""
+    """The distance to a shape of the scene: its field divided by its slope, as every phase has it."""
     return field(points, shape) / bound(shape, root=True).slope
 
 

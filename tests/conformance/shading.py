@@ -17,7 +17,7 @@ Array = np.ndarray
 
 @dataclass
 class Hits:
-    """Of many rays: whether, at which distance, where, of which shape, after how many evaluations."""
+    """Hits of many rays: whether, at which distance, where, of which shape, after how many evaluations."""
 
     found: Array
     t: Array

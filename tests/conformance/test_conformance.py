@@ -114,7 +114,7 @@ def test_sizes(phase: str) -> None:
 
 
 def test_what_is_displayed_is_the_picture(phase: str, tmp_path: Path) -> None:
-    """Of a phase that makes 8 bits in its tiles too: to the byte the formula's of its own linear picture."""
+    """To the byte as the formula has it of the phase's linear picture, also where its tiles make 8 bits."""
     own = registry.phases()[phase].display
     threads = ["--threads", 2] * registry.phases()[phase].threads
     out = tmp_path / "shown.ppm"

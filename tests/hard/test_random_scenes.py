@@ -96,7 +96,7 @@ def extreme(draw: st.DrawFn) -> dict:
 
 
 def pictures(scene: dict, name: str) -> dict[str, harness.Run]:
-    """Of every phase that renders it. A crash, a hang and a sample that is not finite are failures."""
+    """Runs of every phase that renders it. A crash, a hang and a sample that is not finite are failures."""
     path = harness.keep(name, scene)
     found = {}
     for phase in LADDER:

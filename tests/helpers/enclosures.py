@@ -184,7 +184,7 @@ def _inside(kind: str, rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def _rims(kind: str, rng: np.random.Generator, n: int) -> np.ndarray:
-    """Of a torus, two nearly equal roots: in planes that touch it twice, along its top, past its hole."""
+    """Two nearly equal roots of a torus: rays in planes that touch it twice, along its top, past its hole."""
     if kind != "torus":
         return _tangent(kind, rng, n)
     big, small = SHAPES[kind]["major_radius"], SHAPES[kind]["minor_radius"]

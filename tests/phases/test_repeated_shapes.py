@@ -160,7 +160,7 @@ FOLDED = {
 
 @pytest.mark.parametrize("name", FOLDED)
 def test_repeated_shapes_where_a_march_is_the_picture(name: str, tmp_path: Path) -> None:
-    """Of crevices 3 are off: a ray that starts in the copy that it left is not asked that again."""
+    """Three pixels of `crevices` are off: a ray from a copy is not asked of that copy again."""
     mine, march = (picture(FOLDED[name], tmp_path, phase=phase) for phase in (PHASE, "baseline"))
     assert (mine["id"] != march["id"]).sum() <= 2
     off = np.abs(clamped(mine) - clamped(march)).max(axis=-1)

@@ -119,8 +119,8 @@ def test_kernel_and_general_code_agree(scene: str, shop: Workshop) -> None:
 
 
 def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
-    """Of every ninth of conformance's scenes (STEPWISE_EVERY_KERNEL=1: of all, two minutes) a small
-    picture by its kernel against the general code's, which conformance judges.
+    """Every ninth of conformance's scenes (STEPWISE_EVERY_KERNEL=1: all, two minutes) is drawn by its kernel
+    as by the general code, which conformance judges.
     """
     words = {"STEPWISE_CC": str(shop.less), "STEPWISE_CACHE": str(tmp_path / "cache")}
     marched = {name for name in FEATURES if "mandelbox" in str(FEATURES[name])}  # which have no kernel

@@ -20,7 +20,7 @@ VARIANTS = {f"lanes{one.lanes}": set(one.isa) for one in registry.find_phase(PHA
 
 
 def instructions(program: Path, name: str) -> list[str]:
-    """Of a function: its instructions as objdump writes them."""
+    """Instructions of a function as objdump writes them."""
     command = ["objdump", "-d", "--no-show-raw-insn", f"--disassemble={name}", program]
     text = subprocess.check_output([str(word) for word in command], text=True)
     return re.findall(r"^ +[0-9a-f]+:\t(\S+)", text, re.MULTILINE)

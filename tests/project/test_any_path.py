@@ -30,7 +30,7 @@ def test_in_any_path_with_no_home_and_nothing_for_others(tmp_path: Path) -> None
 
 
 def test_a_clone_for_windows_has_no_carriage_return(tmp_path: Path) -> None:
-    """Of text; a picture and what is packed are the same bytes."""
+    """Text has none; a picture and what is packed are the same bytes."""
     names = [".gitattributes", "scripts/setup.sh", "scripts/stepwise", "common/scenes/scene0.json"]
     names += ["requirements.lock", "results/reference/pareto.png"]
     names += [str(next(ROOT.glob("results/reference/*/*.gz")).relative_to(ROOT))]

@@ -65,6 +65,7 @@ def test_a_part_that_fails_makes_the_whole_fail(runner, monkeypatch, capsys) -> 
 def test_what_concerns_a_phase_names_it(runner) -> None:
     files = runner.concerning("opt7_tiles")
     assert "tests/phases/test_tiles.py" in files and "tests/systems/test_fixed.py" not in files
+    assert "tests/phases/fused/test_fused.py" in runner.concerning("opt12_fused")
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

@@ -69,7 +69,7 @@ def draw(tmp_path_factory, written, called, request):
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Of a test of a phase: skipped where the CPU lacks what it needs."""
+    """Skips the test of a phase where the CPU lacks what it needs."""
     phase = getattr(item, "callspec", None) and item.callspec.params.get("phase")
     if phase and (lacking := registry.missing_isa(registry.find_phase(phase))):
         pytest.skip(f"the CPU lacks {' '.join(lacking)}")

@@ -365,7 +365,7 @@ SCENES["spacious"]["light"] = LITTLE["light"] | {"position": [2, 2, -3]}
 @pytest.mark.parametrize("bits", [24, 28])
 @pytest.mark.parametrize(("name", "size"), [("broad", (200, 4)), ("spacious", SIZE)])
 def test_no_factor_leaves_its_32_bits(draw, name, size, bits):
-    """Of what the ranges let pass: all hits and colours are truth's."""
+    """All hits and colours of what the ranges let pass are truth's."""
     exact, _ = draw("truth", name, size=size)
     for phase in PHASES[:2]:
         made, _ = draw(phase, name, f"bits={bits} unit=auto roots=3 clear=never", size)

@@ -148,7 +148,7 @@ class Ceilings(Result, kw_only=True, omit_defaults=True):
         ]
 
     def better(self, other: Self) -> Self:
-        """Of each ceiling the higher of two measurements of one machine that the ports allow; the lower
+        """The higher of two measurements of each ceiling that the ports of the machine allow; the lower
         where they allow neither.
         """
 

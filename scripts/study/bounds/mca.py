@@ -35,7 +35,7 @@ _BLAMED = {
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one simulation; the last three: share of the cycles in which their pressure grows."""
+    """Figures of one simulation; the last three: share of the cycles in which their pressure grows."""
 
     iterations: float
     cycles: float
@@ -108,7 +108,7 @@ def split(one: Mca) -> Split:
 
 
 def run(text: str, model: Model) -> Mca:
-    """Of some assembly, repeated and alone. Raises StudyError with llvm-mca's own words."""
+    """Figures of some assembly, repeated and alone. Raises StudyError with llvm-mca's own words."""
     views = ["-bottleneck-analysis", "-instruction-info=false", "-resource-pressure=false"]
     command = [model.path, f"-mcpu={model.cpu}", *views, "-mtriple=x86_64-linux-gnu"]
     figures = []

@@ -35,7 +35,7 @@ class Frame(msgspec.Struct):
 
 
 class Driven(msgspec.Struct):
-    """Of what the driver prints, the picture and its frames."""
+    """The picture and its frames, of what the driver prints."""
 
     phase: str
     flags_from: str

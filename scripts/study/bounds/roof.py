@@ -244,7 +244,7 @@ def points(data: Data, counted: Counted, limits: Ceilings | None) -> list[Point]
 
 
 def headline(points: Iterable[Point]) -> list[Point]:
-    """Of each scene and phase the one with the most pixels, scenes and phases as they come."""
+    """The largest picture of each scene and phase, scenes and phases as they come."""
     best: dict[tuple[str, str], Point] = {}
     for one in points:
         best[one.scene, one.phase] = max(best.get((one.scene, one.phase), one), one, key=lambda p: p.pixels)

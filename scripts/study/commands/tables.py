@@ -48,7 +48,7 @@ def make(rows: pd.DataFrame, sections: Iterable[Section]) -> table_files.Made:
 
 
 def systems_block(data: Data) -> str:
-    """Of a run that has other papers' systems. Raises StudyError."""
+    """The block of a run that has other papers' systems. Raises StudyError."""
     known = experiment.find_all()
     ((_, chapter),) = known["systems"].sections
     block = next((part.markdown for part in chapter(data).parts if part.name == "systems"), None)
@@ -62,7 +62,7 @@ def systems_block(data: Data) -> str:
 
 
 def machines_block() -> str:
-    """Of every published run of 1280×720."""
+    """The block of every published run of 1280×720."""
     folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
     return published_tables.machines_block([analysis.load(folder) for folder in folders])
 

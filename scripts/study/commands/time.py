@@ -124,7 +124,7 @@ def commands(words: Sequence[str]) -> list[list[str]]:
 
 
 def each(given: Sequence[str], many: int, option: str) -> list[str | None]:
-    """Of an option that is given never, once for all commands or once for each."""
+    """A value for each command, of an option that is given never, once for all or once for each."""
     if len(given) not in (0, 1, many):
         raise StudyError(f"{option}: {len(given)} times for {many} commands; once, or once for each")
     return [None] * many if not given else [*given] * (many if len(given) == 1 else 1)

@@ -62,7 +62,7 @@ def rays(width: int, height: int) -> np.ndarray:
 
 
 def _normal(dice: random.Random) -> float:
-    """Of mean 0 and variance 1 (Box and Muller 1958): random() alone is promised to stay the same."""
+    """Draws with mean 0 and variance 1 (Box and Muller 1958): random() alone is promised to stay the same."""
     return math.sqrt(-2 * math.log(1 - dice.random())) * math.cos(2 * math.pi * dice.random())
 
 

@@ -28,7 +28,7 @@ def prose(text: str) -> str:
 
 @cache
 def templates() -> jinja2.Environment:
-    """Of report/templates; what is put in is escaped, and a name that is not known is an error."""
+    """Those of report/templates; what is put in is escaped, and a name that is not known is an error."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,

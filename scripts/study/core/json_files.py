@@ -17,7 +17,7 @@ def stored(path: Path) -> Path:
 
 
 def content(path: Path) -> bytes:
-    """Of a file, unpacked if its name ends in .gz. Raises StudyError."""
+    """The bytes of a file, unpacked if its name ends in .gz. Raises StudyError."""
     try:
         data = path.read_bytes()
         return gzip.decompress(data) if path.suffix == ".gz" else data

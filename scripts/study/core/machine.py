@@ -156,7 +156,7 @@ def compiler_words() -> list[str]:
 
 
 def _chosen(text: str) -> str | None:
-    """Of a kernel's line of choices the one in brackets: `always [madvise] never`."""
+    """The choice in brackets of a kernel's line: `always [madvise] never`."""
     found = re.search(r"\[(\w+)\]", text)
     return found[1] if found else text or None
 

@@ -26,8 +26,8 @@ def duration(seconds: float) -> str:
 
 
 class Progress(contextlib.AbstractContextManager["Progress"]):
-    """Of `about`; `total` steps, None where that is not known. `share`: in percent, and the end is said.
-    Lines come after PAUSE seconds and whenever that has doubled: of ten minutes six, of seconds none."""
+    """How far `about` is; `total` steps, None where that is not known. `share`: in percent, and the end is
+    said. Lines come after PAUSE seconds and whenever that doubles: of ten minutes six, of seconds none."""
 
     def __init__(self, about: str, total: float | None, share: bool = False) -> None:
         self.about, self.total, self.share = about, total, share

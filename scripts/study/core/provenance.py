@@ -21,7 +21,7 @@ CONTEXT = "context.json"  # is its own context
 
 
 def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Context]:
-    """Of each JSON file at the top of a run (of those named) that says where it was made: name without
+    """Where each JSON file at the top of a run (of those named) was made, if it says so: name without
     suffix → context, in order of time. Raises StudyError for a broken file."""
     files = sorted(path.glob("*.json")) if names is None else [path / name for name in names]
     found = {}

@@ -33,7 +33,7 @@ FRACTALS = frozenset({"mandelbulb", "mandelbox"})  # shapes whose distance is an
 
 
 class Phase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One phases/NAME/phase.json. `isa` are flag names of x86-64's /proc/cpuinfo; `path` is the folder."""
+    """A phase.json. `isa` are flag names of x86-64's /proc/cpuinfo; `path` is the folder."""
 
     name: str
     title: str

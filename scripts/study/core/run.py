@@ -77,7 +77,7 @@ def _arguments(
 def environment(
     env_bytes: int = 0, timed: bool = True, more: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """Of a driver: as this process's, but whether clocks are measured is `timed`'s to say alone."""
+    """A driver's: as this process's, but whether clocks are measured is `timed`'s to say alone."""
     found = {key: value for key, value in os.environ.items() if key != UNTIMED}
     found |= {} if timed else {UNTIMED: "1"}
     found |= {"STEPWISE_PADDING": "x" * env_bytes} if env_bytes else {}

@@ -61,7 +61,7 @@ class File(Record):
 
 
 def fields(kind: type[Record]) -> Iterator[tuple[str, Any, msgspec.Meta]]:
-    """Of each key its name in the file, its type and what it is. Raises TypeError where it does not say."""
+    """Each key's name in the file, its type and what it is. Raises TypeError where it does not say."""
     hints = get_type_hints(kind, include_extras=True)
     for one in msgspec.structs.fields(kind):
         hint = hints[one.name]

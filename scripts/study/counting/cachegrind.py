@@ -22,8 +22,8 @@ EVENTS = {  # what is counted: its sums of cachegrind's events, and what it is c
 
 
 def counted(spec: Spec, scene: Scene, height: int) -> dict[str, int] | None:
-    """Of one frame and its set-up, by the keys of EVENTS; None without Valgrind. Raises StudyError for a
-    program that it cannot run, as one with AVX-512."""
+    """Events of one frame and its set-up, by the keys of EVENTS; None without Valgrind. Raises StudyError for
+    a program that it cannot run, as one with AVX-512."""
     if not shutil.which(TOOL):
         return None
     with temporary.folder(ROOT / "build", ".cachegrind.") as folder:

@@ -49,7 +49,7 @@ class Residue:
 
 
 def _lines(path: Path, made: Callable[[str], T | None], form: str) -> Iterator[T]:
-    """Of each line that is no comment. StudyError with file and line for one that `made` refuses."""
+    """`made` of each line that is no comment. StudyError with file and line for one that it refuses."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:

@@ -18,7 +18,7 @@ Kind = tuple[str, str, int]
 
 @dataclass
 class Counts:
-    """Of one function without its callees, or of everything.
+    """What one function executed without its callees, or the whole program.
 
     `lanes`: operations executed, lane by lane, with only the active ones of masked instructions. `load`,
     `store`: bytes as the core sees them.

@@ -54,5 +54,5 @@ def _iterations(scene: str) -> set[int] | None:
 
 
 def _flop(line: costs.Cost) -> int:
-    """Of one lane: one for a call of math.h, none for a comparison."""
+    """FLOPs of one lane: one for a call of math.h, none for a comparison."""
     return line.per_lane["call"] + sum(FLOPS.get(kind, 0) * n for kind, n in line.per_lane.items())

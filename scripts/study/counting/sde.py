@@ -69,7 +69,7 @@ def _text(path: Path) -> str:
 
 
 def sections(path: Path) -> list[Section]:
-    """Of sde-mix-out.txt. What it says of blocks, functions and images is passed over."""
+    """Those of sde-mix-out.txt. What it says of blocks, functions and images is passed over."""
     found = []
     for match in _SECTION.finditer(_text(path)):
         made = Section(int(match[1]) if match[1] else None, bool(_IFORMS.search(match[2])), bool(match[3]))
@@ -80,7 +80,7 @@ def sections(path: Path) -> list[Section]:
 
 
 def read_mix(path: Path) -> Counts:
-    """Of all threads, from sde-mix-out.txt; what is masked is not in it. StudyError for another form."""
+    """Counts of all threads, of sde-mix-out.txt; what is masked is not in it. StudyError for another form."""
     found = sections(path)
     known: Counter[str] = Counter()
     for one in found:

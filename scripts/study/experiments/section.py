@@ -159,7 +159,7 @@ def chapters(
 
 
 def where(row: Any) -> str:
-    """Of what was left out: the scene, and its view or hit distance."""
+    """The scene of what was left out, and its view or hit distance."""
     more = getattr(row, "view", None) or getattr(row, "hit", None)
     return " ".join(filter(None, (row.scene, more)))
 

@@ -32,9 +32,9 @@ class Shard:
 
 @dataclass(frozen=True)
 class Sharded:
-    """Of an experiment whose command has --shard, --run and --jobs. `file`: the whole's name. `lists`: its
-    keys whose lists are those of the parts, one after another. `units`: what is to be done, in order, from
-    the command's parsed arguments; StudyError for bad ones. `says`: lines of the whole and its folder."""
+    """How an experiment is parted whose command has --shard, --run and --jobs. `file`: the whole's name.
+    `lists`: its keys whose lists are those of the parts, one after another. `units`: what is to be done, in
+    order, from the command's parsed arguments; StudyError for bad ones. `says`: lines of the whole."""
 
     file: str
     lists: Sequence[str]

@@ -75,7 +75,7 @@ class Fault:
 
 
 def fault_of(stderr: str, ended: str, late: bool = False) -> Fault:
-    """Of a program that has failed; `ended`: how, where no sanitizer tells or its time was over."""
+    """The fault of a program that has failed; `ended`: how, where no sanitizer tells or its time was over."""
     text = stderr.replace(f"{ROOT}/", "")
     begin = BEGIN.search(text)
     if not begin:

@@ -174,7 +174,7 @@ def other_work(rng: Generator) -> Report:
 
 
 def _drawn(times: dict[str, list[float]], high: dict[str, int], rng: Generator) -> Report:
-    """Of frames as high as `high` says; the key is the ratio of the times of a pixel."""
+    """A report of frames as high as `high` says; the key is the ratio of the times of a pixel."""
     rows = [(name, launch, 1280, high[name], ms) for name, launch, ms in _in_turns(rng, times)]
     text = (
         f"new is {_ratio(rows):.3f}× as fast as old: the ratio of the medians of {LAUNCHES} launches. {TURNS}"

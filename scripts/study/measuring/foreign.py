@@ -62,7 +62,7 @@ class Hyperfine(msgspec.Struct):
 
 
 class Metadata(msgspec.Struct):
-    """Of a pyperf file, of a benchmark or of a worker: what is not in the one is in the one above it."""
+    """Metadata of a pyperf file, a benchmark or a worker: what is not in the one is in the one above it."""
 
     name: str = ""
     unit: str = ""
@@ -217,7 +217,7 @@ def pyperf(source: Source) -> Found:
 
 
 def reader(content: Any) -> Any:
-    """Of a file with that content; None where it is of none of the tools."""
+    """The reader of a file with that content; None where it is of none of the tools."""
     if not isinstance(content, dict):
         return None
     if isinstance(content.get("results"), list):

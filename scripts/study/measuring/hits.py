@@ -66,7 +66,7 @@ def to_truth(exact: Picture, image: Picture) -> Errors:
 
 
 def to_picture(reference: Picture, image: Picture, fractal: bool = False) -> Errors:
-    """Of a fractal's 4×4 means, as its single samples are chaotic."""
+    """Errors to another program's picture; of a fractal's 4×4 means, as its single samples are chaotic."""
     base, own = images.rgb(reference), images.rgb(image)
     if fractal:
         base, own = images.box_average(base, FACTOR), images.box_average(own, FACTOR)

@@ -18,7 +18,7 @@ Told = Mapping[str, str]  # variables of a driver's environment, which say how a
 
 
 class Frame(msgspec.Struct):
-    """Of a driver's frame what experiments read. Times in ns."""
+    """What experiments read of a driver's frame. Times in ns."""
 
     ns: float
     warmup: bool = False
@@ -27,7 +27,7 @@ class Frame(msgspec.Struct):
 
 
 class Made(msgspec.Struct):
-    """Of a driver's record what experiments read. Times in ns."""
+    """What experiments read of a driver's record. Times in ns."""
 
     frames: list[Frame]
     settings: str | None = None

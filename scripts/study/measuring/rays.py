@@ -52,7 +52,7 @@ def _packed(origin: np.ndarray, direction: np.ndarray, far: np.ndarray | float =
 
 
 def normals(shapes: Sequence[Shape], points: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Of spheres and unturned planes."""
+    """Normals of spheres and unturned planes."""
     centre = np.array([s.position for s in shapes], float)
     plane = np.array([s.normal for s in shapes], float)
     return _unit(np.where(plane[shape].any(1)[:, None], plane[shape], points - centre[shape]))

@@ -12,7 +12,7 @@ TO_BASE = "against baseline"  # of verify.json
 
 
 def _phase(row: Row) -> str:
-    """Of a phase that generates code for scenes: whether general code ran or was counted in its place."""
+    """Its name; where it generates code for scenes, whether general code ran or was counted in its place."""
     kernel = cell(row, "kernel")
     general = isinstance(kernel, str) and kernel != GENERATED
     simde = " (SIMDe)" if SIMDE in str(cell(row, "isa")) else ""
@@ -25,7 +25,7 @@ def _code(row: Row) -> str:
 
 
 def _load(row: Row) -> str:
-    """Of a scalar phase there is none (0)."""
+    """The clock under load in GHz; a scalar phase has none (0)."""
     return plain("core_hz_load", 4, 1e9)(row) if show.yes(cell(row, "core_hz_load")) else NOTHING
 
 

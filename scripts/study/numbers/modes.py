@@ -38,7 +38,7 @@ def _minorant(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def dip(values: ArrayLike) -> float:
-    """Of values of which no two are equal: from 1 / (2 n), one mode, to 1/4, two equal modes of no width."""
+    """The dip of n values, no two equal: from 1 / (2 n), one mode, to 1/4, two equal modes of no width."""
     x = np.sort(np.asarray(values, float))
     first, last, found = 0, len(x) - 1, 1 / len(x)
     above = np.arange(1, len(x) + 1) / len(x)  # the distribution after each value, and before it

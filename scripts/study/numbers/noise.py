@@ -49,14 +49,14 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
 
 
 def _by_itself(launches: pd.DataFrame) -> pd.Series:
-    """Of each launch whether it had its CPUs all the time: switches are of its own threads and processes."""
+    """Whether each launch had its CPUs all the time: switches are of its own threads and processes."""
     if not {"user_ns", "system_ns", "unused_ns"} <= {*launches}:
         return pd.Series(False, launches.index)
     return launches.unused_ns <= OVERHEAD + UNUSED * (launches.user_ns + launches.system_ns)
 
 
 def interrupted(launches: pd.DataFrame) -> pd.Series:
-    """Of each launch (user_ns, system_ns, unused_ns, ctx_involuntary) whether other processes took its CPUs,
+    """Whether other processes took each launch's CPUs (user_ns, system_ns, unused_ns, ctx_involuntary),
     each more than PREEMPTIONS times a second; False where the run does not tell."""
     if not {"user_ns", "system_ns", "unused_ns", "ctx_involuntary"} <= {*launches}:
         return pd.Series(False, launches.index)

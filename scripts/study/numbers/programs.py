@@ -62,7 +62,7 @@ def calm(launches: pd.DataFrame) -> pd.DataFrame:
 
 
 def ratios(base: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
-    """Of each round in which nothing interrupted the two, or of all rounds where those are too few: `ratio`,
+    """Each round in which nothing interrupted the two, or all rounds where those are too few: `ratio`,
     base over other, and whether it was `disturbed`.
 
     A neighbour that takes turns with a program on its CPU makes a time a count of the scheduler's slices.
@@ -75,7 +75,7 @@ def ratios(base: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
 
 
 def bases(programs: Sequence[Program]) -> list[int | None]:
-    """Of each program the place of the one that it is held against: the first of its case; where each case
+    """The place of the program that each is held against: the first of its case; where each case
     has one program, the first of all. None: itself."""
     cases = [one.case for one in programs]
     found = [cases.index(case) if cases.count(case) > 1 else 0 for case in cases]

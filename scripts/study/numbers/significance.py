@@ -37,7 +37,7 @@ def corrected(p_values: Sequence[float]) -> list[float]:
 
 
 def family(launches: int) -> int:
-    """Of how many programs a single slower one can be told by so many launches of each run."""
+    """The most programs of which a single slower one can be told by so many launches of each run."""
     return int(LEVEL * comb(2 * launches, launches))
 
 

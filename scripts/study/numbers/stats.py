@@ -151,7 +151,7 @@ def resampled_ratios(
 def _ratio_ends(
     base: bytes, other: bytes, pairs: tuple[bytes, bytes], seed: int, count: int
 ) -> tuple[float, float]:
-    """Of arrays as their bytes: the chapters of a report ask for the same ratios several times, 5 ms each."""
+    """Ends, kept by the arrays' bytes: a report's chapters ask for the same ratios often, 5 ms each."""
     times = [np.frombuffer(one) for one in (base, other)]
     places = tuple(np.frombuffer(one, int) for one in pairs)
     low, high = np.percentile(

@@ -28,7 +28,7 @@ class Dot:
 
 
 def of(found: Interval, panel: str, label: str, text: str = "", even: bool = False) -> Dot:
-    """Of an interval as files have it. `even`: red where all of it is below 1, grey where 1 is in it."""
+    """A dot for an interval as files have it. `even`: red where all is below 1, grey where 1 is in it."""
     value, low, high = found.ends
     colour = FINE if not even or low > 1 else LESS if high < 1 else QUIET
     return Dot(panel, label, value, low, high, text, colour)

@@ -194,7 +194,7 @@ def flip(reference8: np.ndarray, image8: np.ndarray, judged: np.ndarray | None =
 
 
 def _percentile(values: np.ndarray, share: float, any_hit: bool) -> float:
-    """Of no pixel: 0 if both pictures are empty, else NaN, which no tolerance lets pass."""
+    """Percentile; without a pixel 0 if both pictures are empty, else NaN, which no tolerance lets pass."""
     return float(np.percentile(values, share)) if values.size else math.nan if any_hit else 0.0
 
 

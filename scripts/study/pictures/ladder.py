@@ -216,7 +216,7 @@ CAPTIONS = {
 
 
 def drawings(data: Data, rows: pd.DataFrame) -> dict[str, Drawing]:
-    """Of each plot that the run has data for."""
+    """Each plot that the run has data for."""
     note, needed = caption(data, rows), {"speed-against-error": rows.psnr_db, "speedup-ladder": rows.speedup}
     there = [name for name in PLOTS if name not in needed or needed[name].notna().any()]
     return {name: Drawing(CAPTIONS[name], note, partial(PLOTS[name], rows)) for name in there}

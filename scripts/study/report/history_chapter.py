@@ -37,7 +37,7 @@ def _draw(points: Sequence[Point], phase: str) -> Figure:
 
 
 def _largest(points: Sequence[Point]) -> list[Point]:
-    """Of each run its largest pictures, on one thread and with baseline beside them."""
+    """The largest pictures of each run, on one thread and with baseline beside them."""
     some = [point for point in points if point.threads == 1 and point.over_base]
     largest = {one.run: max(other.height for other in some if other.run == one.run) for one in some}
     return [point for point in some if point.height == largest[point.run]]

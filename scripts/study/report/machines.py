@@ -28,7 +28,7 @@ Picture = tuple[str, int, int]  # scene, width and height in pixels
 
 
 def _ratios(machine: str, rows: pd.DataFrame, checked: bool) -> Iterator[Ratio]:
-    """Of each scene, phase and base; the base TIMES has milliseconds in their place."""
+    """Ratios of each scene, phase and base; the base TIMES has milliseconds in their place."""
     for scene, group in ladder.ladders(rows).items():
         for row in group.to_dict("records"):
             phase = row["phase"] + (f" ×{row['threads']}" if row["threads"] > 1 else "")
@@ -62,7 +62,7 @@ def _read(path: Path, pictures: dict[str, Picture]) -> list[Ratio]:
 
 
 def _others(own: Path, wanted: list[Picture]) -> list[list[Ratio]]:
-    """Of each published machine the run with most of the wanted pictures, then the largest, most phases."""
+    """Each published machine's run with most of the wanted pictures, then the largest, most phases."""
     best: dict[str, tuple[tuple[int, int, int, str], Path, dict[str, Picture]]] = {}
     for plan in PUBLISHED.glob("*/plan.json"):
         run = Run(plan.parent)

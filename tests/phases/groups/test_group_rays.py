@@ -37,7 +37,7 @@ def baselines(text: str) -> dict:
 
 
 def psnr(mine: dict, other: dict) -> float:
-    """Of two pictures' linear colours, of peak 1, in dB."""
+    """PSNR of two pictures' linear colours, of peak 1, in dB."""
     square = np.mean((images.rgb(mine) - images.rgb(other)) ** 2)
     return -10 * np.log10(max(square, 1e-30))
 

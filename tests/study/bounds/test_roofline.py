@@ -453,7 +453,7 @@ def test_a_machine_without_ceilings_is_drawn_without_warning(run: Path, lost: st
 
 
 def test_no_name_lies_on_another(run: Path, tmp_path: Path) -> None:
-    """Of six phases within a few per cent of each other: every mark is named, and no box overlaps another."""
+    """Six phases within a few per cent of each other: every mark is named, and no box overlaps another."""
     _, limits, _ = roof.read(run)
     opt3, opt4 = roof.headline(p for p in points_of(run) if p.intensity > 0)
     speeds = [f"flops_per_core_cycle{end}" for end in ("", "_low", "_high")]

@@ -46,7 +46,7 @@ def simulated(random: np.random.Generator, any_run: Side, letter: str, factor: f
 
 
 def failing(any_run: Side, gates: int, factor: float = 1.0, modes: float = 0.0, least: float = 0.0) -> int:
-    """Of so many gates those in which a phase is called slower than it was."""
+    """The gates of so many in which a phase is called slower than it was."""
     random, failed = np.random.default_rng(46), 0
     for _ in range(gates):
         base = simulated(random, any_run, "A", 1.0, modes)
@@ -76,7 +76,7 @@ def test_launches_in_two_modes_fail_no_gate(any_run, gates) -> None:
 
 
 def test_the_rank_test_is_exact() -> None:
-    """Of 3 and 3 values in order there are 20 orders, one of them with all of the second at the top."""
+    """Three and three values have 20 orders, one of them with all of the second at the top."""
     assert significance.longer([1, 2, 3], [4, 5, 6]) == pytest.approx(1 / 20)
     assert significance.longer([1, 2, 4], [3, 5, 6]) == pytest.approx(2 / 20)
     assert significance.longer([1, 2, 3], [4, 5, 6], least=1.4) == pytest.approx(10 / 20)
@@ -89,7 +89,7 @@ def test_the_rank_test_is_exact() -> None:
 
 @pytest.mark.slow
 def test_chance_is_what_the_page_says() -> None:
-    """Of 250 gates of 18 verdicts on identical launches, at most 2.5 % have a slower one."""
+    """At most 2.5 % of 250 gates of 18 verdicts on identical launches have a slower one."""
     random, failed, gates = np.random.default_rng(46), 0, 250
     for _ in range(gates):
         pairs = random.standard_normal((18, 2, LAUNCHES)) ** 2 + 1
@@ -110,7 +110,7 @@ def counted(made, **instructions: int) -> Path:
 
 
 def by_instructions(tmp_path: Path, base: int, mine: int, ms: float = 100, **how: object):
-    """Of opt1: its verdict, and the status of the gate. `ms`: its time, 100 in the base."""
+    """The verdict on opt1, and the status of the gate. `ms`: its time, 100 in the base."""
     a = counted(make_run(tmp_path / "a", {("opt1", "s"): 100}, **how), opt1=base)
     b = counted(make_run(tmp_path / "b", {("opt1", "s"): ms}, **how), opt1=mine)
     words = (a, b, "--by", "instructions", "--least", "2%")

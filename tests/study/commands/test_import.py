@@ -175,7 +175,7 @@ def test_bad_files_are_named_and_none_is_written_over(
 
 @pytest.mark.slow
 def test_every_scene_file_of_the_program_draws_its_picture(tmp_path: Path) -> None:
-    """Of all branches: baseline's picture differs from the program's own by 1/255 at most, but for the bulb's
+    """On all branches baseline's picture differs from the program's own by 1/255 at most, but for the bulb's
     chaotic pixels."""
     program = original.build(needs.papers_program(), "baseline", 36)
     folder = program.parents[1]

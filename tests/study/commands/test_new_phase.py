@@ -120,7 +120,7 @@ def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
     ("source", "lab"), [("opt6_wide+awake", 4), ("opt7_tiles+whole_trees", 15), ("opt6_wide+rsqrt", 0)]
 )
 def test_what_is_next_of_an_ablation_compares_with_it(source, lab):
-    """Of a lab's start by the lab's own commands, without a copy of the file that its idea stands in."""
+    """So with a lab's start by the lab's own commands, without a copy of the file that its idea stands in."""
     said = "\n".join(new_phase.following("own", source, False))
     tried = re.findall(r"^ *make try (.*)$", said, re.MULTILINE)
     assert tried and all(f'"--against {source}"' in line and "NAME=own" in line for line in tried)

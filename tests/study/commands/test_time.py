@@ -153,7 +153,7 @@ def test_drift_is_said_and_common_drift_hides_no_difference(stepwise, tmp_path):
 
 @pytest.mark.slow
 def test_every_value_of_vary_is_a_case(timed, tmp_path):
-    """Of one command the ratios are to the first value; of two to the first command."""
+    """Ratios of one command are to the first value; of two to the first command."""
     program = "echo took {n} ms"
     rows, _, _ = timed(*FROM, "--vary", "n", "2,4", "--", program)
     assert [(row["case"], row["ms"]["value"]) for row in rows] == [("n=2", 2), ("n=4", 4)]
@@ -257,7 +257,7 @@ def test_an_option_that_makes_no_sense_is_refused(stepwise, words):
 
 
 def test_interrupted_launches_are_in_no_comparison(stepwise, timed, tmp_path, monkeypatch):
-    """Of 30 launches of 10 ms the last 20 are made to take 30 ms, of which others had 20."""
+    """The last 20 of 30 launches of 10 ms are made to take 30 ms, of which others had 20."""
     timed(*FROM, "--launches", 30, "--warmup", 0, "--", "echo took 10 ms")
     (before,) = (tmp_path / "results").glob("*/*")
     after = shutil.copytree(before, before.parent / "later")

@@ -81,7 +81,7 @@ def test_a_sweep_keeps_its_scene_and_goes_on_without_the_file(
 def test_other_commands_keep_it_too_and_the_checkout_stays_as_it_is(
     stepwise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a run that has a scene of that name, another one is not taken."""
+    """Where a run has a scene of that name, another one is not taken."""
     path, run = written(tmp_path / "mine.json"), tmp_path / "run"
     state = ["git", "status", "--porcelain"]
     before = subprocess.run(state, cwd=ROOT, capture_output=True).stdout

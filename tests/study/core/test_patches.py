@@ -128,7 +128,7 @@ def test_a_tree_is_written_once_and_without_leftovers(tmp_path):
 
 
 def test_a_build_takes_over_what_the_patch_leaves_alone(tmp_path):
-    """Of opt2's sources, norm_bounds changes march.c."""
+    """The patch norm_bounds changes march.c of opt2's sources."""
     sources = sorted(path.stem for path in (ROOT / "phases" / "opt2").glob("*.c"))
     name = "opt2+norm_bounds"
     words = ["make", f"BUILD={tmp_path}", f"{tmp_path}/{name}/phase.o"]

@@ -17,7 +17,7 @@ def clock(monkeypatch):
 
 
 def numbers(said: str) -> list[list[int]]:
-    """Of each line."""
+    """Numbers of each line."""
     return [list(map(int, re.findall(r"\d+", line))) for line in said.splitlines()]
 
 

@@ -232,7 +232,7 @@ def test_a_bad_residue_is_named(phase, line):
 
 
 def test_residues_are_parts_times_lanes_times_flops(phase):
-    """Of eight lanes: three products for each of 10 calls, and a fused one counts two."""
+    """Eight lanes: three products for each of 10 calls, and a fused one counts two."""
     phase(
         "COST(f, call, LANES, 0,0,0,0,0,0,0,0,0)\nCOST(g, call, 1, 0,0,0,0,0,0,0,0,0)\n",
         "// why\nRESIDUE(calls, f, call, mul, 3, 3) // a\n"

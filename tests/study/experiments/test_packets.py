@@ -71,7 +71,7 @@ def limits(db: float | None, non_finite: int = 0) -> Limits:
 
 
 def test_equal_error_is_equal_or_says_it_is_not() -> None:
-    """Of limits that reach packets' error the fastest; where none does the nearest."""
+    """The fastest of the limits that reach packets' error; where none does the nearest."""
     assert packets.target_of(limits(None)) == packets.target_of(limits(142.0)) == 80
     assert packets.target_of(limits(61.5)) == 61.5
     took = {28.8: 1.0, 42.7: 2.0, 90.7: 4.0, 110.4: 5.0, None: 9.0, math.nan: 0.1}

@@ -167,7 +167,7 @@ def test_fidget_says_what_it_lacks() -> None:
     [("scene0_plain", (1.7, -1.2, 11.5)), ("csg", (1.1, 0.3, 12.2)), ("bumpy", (-2.3, 0.1, 12.8))],
 )
 def test_fidgets_text_says_the_same(name: str, p: tuple) -> None:
-    """Of a point inside a solid."""
+    """So at a point inside a solid."""
     scene, known = registry.find_scene(name).content, {}
     operations = {
         **{"add": float.__add__, "sub": float.__sub__, "mul": float.__mul__, "min": min, "max": max},

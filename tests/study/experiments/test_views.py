@@ -35,7 +35,7 @@ def plan(
     seconds: float,
     first: Callable[[Spec, View], float] = lambda spec, view: 1e-6,
 ) -> viewing.Plan:
-    """Of opt1 to opt3 on two views, by a clock that stands still."""
+    """The plan of opt1 to opt3 on two views, by a clock that stands still."""
     monkeypatch.setattr(viewing.time, "monotonic", lambda: 0.0)
     return viewing.choose(viewing.parents(["opt1", "opt2", "opt3"]), TWO, settings(seconds), first)
 
@@ -83,7 +83,7 @@ def times(ms: float) -> list[float]:
 
 
 def row(scene: str, view: str, gain: float, **more: object) -> Row:
-    """Of phase b, whose parent takes 100 ms."""
+    """A row of phase b, whose parent takes 100 ms."""
     own = times(100 / gain)
     found = {
         **{"phase": "b", "parent": "a", "scene": scene, "view": view, "change": "", "width": 160, "n": 90},

@@ -77,7 +77,7 @@ def test_stopping_by_the_width_costs_no_coverage(ratio):
 
 @pytest.mark.slow
 def test_stopping_at_the_first_difference_costs_no_coverage_where_a_fixed_interval_fails():
-    """Of equal programs, looked at after every round until one seems faster."""
+    """Equal programs are looked at after every round until one seems faster."""
     random = np.random.default_rng(12)
     differs = attrgetter("excludes_one")
     assert np.mean([differs(stopped(random, 1, differs, 80)) for _ in range(200)]) <= 0.05

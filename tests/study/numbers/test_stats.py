@@ -86,7 +86,7 @@ def lost(times, rounds) -> pd.Series:
 
 @pytest.mark.slow
 def test_what_a_lost_launch_leaves_is_paired_by_its_round(monkeypatch):
-    """Of eight rounds one program lost the second, the other the seventh: by their order the second to sixth
+    """One program lost the second of eight rounds, the other the seventh: by their order the second to sixth
     of the seven launches of each stand beside those of another round."""
     monkeypatch.setattr(stats, "RESAMPLES", 1000)
     random = np.random.default_rng(11)

@@ -252,7 +252,7 @@ def test_json_and_statuses(made: Made, run: Path, tmp_path: Path) -> None:
 
 
 def test_what_was_drawn_of_the_same_tables_stays_only_where_it_may(tmp_path: Path) -> None:
-    """Of a study's page, which is written after each part; a page that is asked for is drawn anew."""
+    """A study's page, written after each part, keeps it; a page that is asked for is drawn anew."""
     written = []
 
     class Drawn:

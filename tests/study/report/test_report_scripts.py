@@ -300,7 +300,7 @@ def test_a_page_is_never_larger_than_its_limit(
 
 
 def test_a_published_run_keeps_pictures_for_the_slider(made: Path, tmp_path: Path) -> None:
-    """Of each scene that has two the reference's and the last phase's, every fourth pixel of 1,280."""
+    """The reference's and the last phase's of each scene that has two, every fourth pixel of 1,280."""
     run = Path(shutil.copytree(made / "machine" / "run", tmp_path / "run"))
     rng = np.random.default_rng(1)
     pixels = {name: rng.integers(0, 256, (720, 1280, 3), np.uint8) for name in ("reference_png", "png")}
@@ -322,7 +322,7 @@ def test_a_published_run_keeps_pictures_for_the_slider(made: Path, tmp_path: Pat
 def test_pictures_are_thinned_and_limited_and_evaluations_are_levels(
     made: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Of a picture 1,281 pixels across every third; evaluations as 255 levels of their most."""
+    """Every third pixel of a picture 1,281 across; evaluations as 255 levels of their most."""
     run = Path(shutil.copytree(made / "machine" / "run", tmp_path / "run"))
     rng = np.random.default_rng(1)
     large = rng.integers(0, 256, (9, 1281, 3), np.uint8)

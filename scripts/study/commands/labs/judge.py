@@ -116,7 +116,7 @@ def of_views(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Check:
 
 
 def of_phase(lab: Lab, result: try_.Compared) -> list[Check]:
-    """Of what stepwise try measured beside the lab's start."""
+    """Checks of what stepwise try measured beside the lab's start."""
     start, mine = result.sides
     if lab.truth_db:
         shown = mine.truth.shown.psnr_db
@@ -191,7 +191,7 @@ def of_others(lab: Lab, both: try_.Sides) -> list[Check]:
 
 
 def of_pair(lab: Lab, scene: Scene, args: argparse.Namespace) -> list[Check]:
-    """Of start and solution alone: bits, events and time. Raises StudyError."""
+    """Checks of start and solution alone: bits, events and time. Raises StudyError."""
     both = try_.sides(args.phase, lab.start)
     build_together([(spec, "render") for spec in both], len(USABLE))
     same = drawn(both, scene, lab.height, lab.threads)
@@ -244,7 +244,7 @@ def of_scene(lab: Lab, path: Path, height: int) -> list[Check]:
 
 
 def of_answers(lab: Lab, path: Path | None, student: int) -> list[Check] | Outcome:
-    """Of an answers file; without one the task is written. Raises StudyError for a file that is none."""
+    """Checks of an answers file; without one the task is written. Raises StudyError for any other file."""
     asked = answers.questions(lab.answers, student)
     if path is None:
         folder = answers.write(asked, lab.number, student).relative_to(registry.ROOT)

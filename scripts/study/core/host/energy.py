@@ -37,8 +37,8 @@ def reading() -> dict[Path, int] | None:
 
 
 def joules(before: Mapping[Path, int] | None, now: Mapping[Path, int] | None) -> float | None:
-    """Of all packages between two readings; None: not known. That a counter began at 0 again once is made up
-    for; twice cannot be seen (a busy server needs some ten minutes for it)."""
+    """Energy of all packages between two readings; None: not known. That a counter began at 0 again once is
+    made up for; twice cannot be seen (a busy server needs some ten minutes for it)."""
     if not before or not now or before.keys() != now.keys():
         return None
     total = 0

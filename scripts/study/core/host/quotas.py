@@ -10,7 +10,7 @@ CGROUP, MOUNTED = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 
 
 def _mounted(controller: str, otherwise: Path) -> Path:
-    """Of version 1, the folder of a controller and of those mounted with it, whatever their order."""
+    """The folder of a controller of version 1 and of those mounted with it, whatever their order."""
     folders = sorted(path for path in MOUNTED.glob(f"*{controller}*") if path.is_dir())
     return next((path for path in folders if controller in path.name.split(",")), otherwise)
 

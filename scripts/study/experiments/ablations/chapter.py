@@ -25,7 +25,7 @@ gain = show.spread_of("gain", "×")
 
 
 def decibels(name: str) -> Callable[[Row], str]:
-    """Of a step's picture: no number stands for an infinite one in JSON."""
+    """PSNR of a step's picture: no number stands for an infinite one in JSON."""
     return lambda row: "identical" if (value := getattr(row, name)) is None else show.number(value)
 
 

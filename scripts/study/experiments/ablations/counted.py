@@ -24,7 +24,7 @@ REST = "the rest"  # what the patch does not see
 
 
 def launch(name: str, scene: Scene, cpu: int, padding: int) -> list[tuple[str, float, float]]:
-    """Of each line of the patched program's counts, and of the rest: name, share of the pixels, and core
+    """Each line of the patched program's counts, and the rest: name, share of the pixels, and core
     cycles over all pixels of the picture. Nothing without counts. Raises DriverError."""
     width, height = scene.size(HEIGHT)
     with tempfile.TemporaryDirectory() as folder:

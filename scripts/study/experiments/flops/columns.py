@@ -11,7 +11,7 @@ from study.counting.schema import Measurement, Row
 
 
 def _phase(row: Any) -> str:
-    """Of a phase that generates code for scenes: that its general code was counted in its place."""
+    """Its name; where it generates code for scenes, that its general code was counted in its place."""
     return row.phase + (" (general code)" if cell(row, "kernel") else "")
 
 

@@ -69,7 +69,7 @@ def in_parallel(work: Sequence[Callable[[], T]], jobs: int, about: str) -> list[
 
 
 def validated(spec: Spec, scene: Scene, height: int, backend: str) -> list[Row]:
-    """Of one picture: totals, and by blocks functions and their calls."""
+    """Rows of one picture: totals, and by blocks functions and their calls."""
     stated = flops.declared(spec, scene, height)
     shipped = flops.measure(backend, spec, scene, height)
     if backend != "blocks":

@@ -109,7 +109,7 @@ def evaluations(one: Declared) -> int | None:
 
 
 def _most_calls(scene: str) -> int:
-    """Of one function in one evaluation of the scene; a scene that is not known here is taken to be large."""
+    """Calls of one function in one evaluation of the scene, at most; an unknown scene is held to be large."""
     if scene not in registry.scenes():
         return 64
     shapes = registry.find_scene(scene).data["shapes"]

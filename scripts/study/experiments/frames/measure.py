@@ -192,7 +192,7 @@ class Pictures:
         return self.known[case]
 
     def errors(self, spec: Spec, case: Case) -> dict[str, Any]:
-        """Of a Row: errors by the same parameters, and `to_own`, by the scene's, where they are others."""
+        """A Row's errors by the same parameters, and `to_own`, by the scene's, where they are others."""
         made, own = images.read(self._path(spec, case)), self.own[case.scene]
         return {
             "reference": str(self.reference),

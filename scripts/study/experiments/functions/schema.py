@@ -47,8 +47,8 @@ class Entry(Record, kw_only=True):
         return self.function, self.precision
 
     def ns(self, time: str) -> float:
-        """Of `stream_ns` or `latency_ns`; NaN where there is none. A latency that the noise of the chain's
-        own cost leaves at nothing is none."""
+        """The value of `stream_ns` or `latency_ns`; NaN where there is none. A latency that the noise of the
+        chain's own cost leaves at nothing is none."""
         found = getattr(self, time)
         return found.value if found and found.value and found.value > 0 else math.nan
 

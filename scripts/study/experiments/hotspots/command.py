@@ -39,7 +39,7 @@ say = functools.cache(cli.say)  # what is lacking is said once
 
 
 def instructions(spec: Spec, scene: Scene, height: int, variant: str) -> Counter[str]:
-    """Of a frame by function, by the block counters; none where they cannot be had."""
+    """Instructions of a frame by function, by the block counters; none where they cannot be had."""
     found: Counter[str] = Counter()
     try:
         for name, one in flops.measure("blocks", spec, scene, height, variant).functions.items():

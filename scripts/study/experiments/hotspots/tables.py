@@ -91,7 +91,7 @@ WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; n
 
 
 def core_width(microarchitecture: str | None) -> int:
-    """Of a core by study.core.machine's name for it, in operations per cycle; the widest for any other."""
+    """Operations per cycle of a core by study.core.machine's name for it; the widest for any other."""
     return 6 if microarchitecture in _SIX_WIDE else WIDEST
 
 

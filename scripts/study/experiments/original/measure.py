@@ -113,8 +113,8 @@ def launch(program: Path, scene: str, cpu: int, env_bytes: int = 0) -> tuple[int
 
 
 def difference(theirs: np.ndarray, ours: np.ndarray) -> tuple[float | None, float, int]:
-    """Of two pictures as displayed: PSNR in dB (peak 255; None: identical), share of pixels more than one
-    step of 1/255 apart, and the largest step. StudyError where the sizes differ."""
+    """How two pictures differ as displayed: PSNR in dB (peak 255; None: identical), share of pixels more than
+    one step of 1/255 apart, and the largest step. StudyError where the sizes differ."""
     if theirs.shape != ours.shape:
         raise StudyError(f"pictures of {theirs.shape[:2]} and {ours.shape[:2]} pixels cannot be compared")
     psnr, _, over = images.metrics(theirs, ours, 1, 255)

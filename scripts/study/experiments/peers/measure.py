@@ -43,8 +43,8 @@ def plain(name: str, folder: Path) -> Scene:
 
 
 def errors(exact: images.Picture, rgb: np.ndarray, fractal: bool) -> Errors:
-    """Of linear colours to ground truth, where it knows them. A fractal's 4×4 means are held against a march,
-    and a Mandelbulb's against its exact surface too."""
+    """Errors of linear colours to ground truth, where it knows them. A fractal's 4×4 means are held against a
+    march, and a Mandelbulb's against its exact surface too."""
     found = _to(images.rgb(exact), exact["status.all"] >= truth.MARCHED, rgb, fractal)
     if judging.has_surface(exact):
         surface = _to(images.rgb(exact, "surface."), exact["surface.status"] == truth.PROVED, rgb, fractal)

@@ -45,7 +45,7 @@ def draw(rows: Sequence[PeerRow]) -> Figure:
 
 
 def answer(result: Peers) -> str:
-    """Of each scene on one thread: the fastest peer, and how many times as long it takes as our phase."""
+    """The fastest peer of each scene on one thread, and how many times as long it takes as our phase."""
     said = []
     rows = [row for row in result.rows if row.threads == 1]
     for scene in dict.fromkeys(row.scene for row in rows):

@@ -32,7 +32,7 @@ ASAN = "malloc_context_size=0:quarantine_size_mb=1:thread_local_quarantine_size_
 
 
 def kinds() -> list[str]:
-    """Of inputs: of scenes, and the harnesses."""
+    """Kinds of inputs: those of scenes, and the harnesses."""
     return [*SCENES, *sorted(path.stem for path in (TESTS / "fuzz").glob("*.c"))]
 
 

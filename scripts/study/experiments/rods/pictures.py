@@ -41,7 +41,7 @@ class Column(NamedTuple):
 
 
 def columns(cap: int, near: float, far: float) -> tuple[Column, Column, Column]:
-    """Of steps, depth and error."""
+    """Columns of steps, depth and error."""
 
     def greys(last: str, bad: str) -> Colormap:
         return LinearSegmentedColormap.from_list("", ["1", last]).with_extremes(bad=bad)

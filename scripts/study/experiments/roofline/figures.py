@@ -211,7 +211,7 @@ def caption(data: Data, points: Sequence[Point], limits: Ceilings | None) -> str
 
 
 def drawings(data: Data, points: Sequence[Point], limits: Ceilings | None) -> dict[str, Drawing]:
-    """Of each figure that the run has data for: a roofline needs ceilings and counted bytes."""
+    """Each figure that the run has data for: a roofline needs ceilings and counted bytes."""
     made = {}
     shown = roof.headline(one for one in points if one.intensity > 0)
     if limits and shown:

@@ -29,7 +29,7 @@ def level(row: Row) -> float | None:
 
 
 def evaluations(row: Row) -> float | None:
-    """Of a camera ray; none of a program with closed forms, where an older file has a 1 for each."""
+    """Those of a camera ray; none of a program with closed forms, where an older file has a 1 for each."""
     return None if registry.is_exact(row.phase) else row.evals_per_ray
 
 

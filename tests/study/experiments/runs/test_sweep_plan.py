@@ -160,7 +160,7 @@ def test_a_crash_is_recorded_and_the_rest_goes_on(tmp_path, capsys):
 
 
 def test_a_lost_launch_is_made_up_for_in_a_round_of_its_own(tmp_path):
-    """Of four rounds the second is lost: its launch is of the third, the last of a fifth."""
+    """The second of four rounds is lost: its launch is of the third, the last of a fifth."""
     made = planned({"a": [1, 1]}, launches=4)
     made.run, made.rounds = store.Run(tmp_path / "run"), 7
     rounds = []
