@@ -3,7 +3,8 @@
 // are parallel; here the radius grows with t, as in cone marching.
 #include "rods.h"
 
-double scene_distance(const double *p, const struct prepared *scene, int *nearest) {
+__attribute__((noinline)) double scene_distance(const double *p, const struct prepared *scene,
+                                                int *nearest) {
     return sdf(p, scene, nearest);
 }
 
@@ -48,8 +49,7 @@ static struct rod_end march_rod(const struct rod *rod, const struct world *world
         // The article's step may take rays beside the axis into a surface, up to a radius deep. A safe step is
         // shorter by the radius, and the march ends where less than another radius is left.
         double step = at.distance;
-        if (safe)
-            step -= radius;
+        step -= safe ? radius : 0.0;
         if (step < radius) {
             at.found = true;
             return at;

@@ -16,7 +16,7 @@ static inline const struct state *state_of(const struct prepared *prepared) {
     return (const struct state *)prepared; // its first member
 }
 
-// Returns the distance to the nearest shape: opt2's sdf(), compiled once for the files of this folder. In rods.c.
+// Returns the distance to the nearest shape: opt2's sdf(), not inlined: gcc 12's copies are slower. In rods.c.
 double scene_distance(const double *p, const struct prepared *scene, int *nearest);
 
 // What a pixel's march cost, and where it ended. hit.evals: of a rod's pixel, those of the march that led to it.
