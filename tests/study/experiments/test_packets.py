@@ -98,11 +98,11 @@ def test_a_cap_that_binds_is_taken_away_too() -> None:
 def test_the_articles_figures_beside_ours() -> None:
     found = tables.system(complete.RUN)
     assert found and [(one.said, one.ours.split()[0], one.ratio.split()[0]) for one in found.claims] == [
-        ("3156", "38.7", "81.6×"),
-        ("172", "6.94", "24.8×"),
-        ("18.35×", "5.57×", "0.304×"),
-        ("“millions”", "5.19", "0.793×"),
-        ("“millions”", "741", "35.7×"),
+        ("3156", "41.0", "77.0×"),
+        ("172", "8.02", "21.5×"),
+        ("18.35×", "5.11×", "0.279×"),
+        ("“millions”", "4.79", "0.772×"),
+        ("“millions”", "657", "32.6×"),
     ]
     assert [one.beside for one in found.claims[:3]] == [None] * 3
     assert tables.normalise_claims(published(normalise=[])) == []

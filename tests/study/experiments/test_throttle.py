@@ -81,7 +81,7 @@ def test_the_table_of_a_published_run() -> None:
     result = Throttle.load(complete.RUN / THROTTLE)
     found = tables.system(complete.RUN)
     assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
-    assert tables.words_of(result.rows[0].chosen).startswith("rods of 32 to 8")
+    assert tables.words_of(result.rows[0].chosen).startswith("rods of 8 to 4")
 
 
 @pytest.mark.slow
