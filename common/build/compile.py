@@ -265,8 +265,14 @@ def join(objects: Path, out: Path, args: argparse.Namespace, about: dict[str, An
     left_out = [variant for variant in [*about["variants"], *about["never"]] if variant not in made]
     if left_out:
         wanted = [line.split()[-1] for line in run([nm, "-u", str(whole)], show=False).splitlines()]
-        names = [name for name in wanted if name.startswith(tuple(f"{variant}_" for variant in left_out))]
-        traps = "".join(f".globl {name}\n{name}: {trap}\n" for name in names)
+        traps, tables = "", ""
+        for variant in left_out:  # a function of it is an instruction that is none
+            mine = [name for name in wanted if name.startswith(f"{variant}_")]
+            traps += "".join(f".globl {name}\n" for name in mine) + f"{variant}_left_out:\n"
+            traps += "".join(f"{name}:\n" for name in mine if not name.endswith("_kernel")) + f"{trap}\n"
+            table = f".quad {variant}_left_out\n" * 8  # longer than any of functions (workers/lane_kernel.h)
+            tables += "".join(f"{name}:\n{table}" for name in mine if name.endswith("_kernel"))
+        traps += f".data\n.balign 8\n{tables}"
         (folder / "without.s").write_text(f'.section .note.GNU-stack,"",@progbits\n.text\n{traps}')
         run(
             [*shlex.split(args.cc), "-c", str(folder / "without.s"), "-o", str(folder / "without.o")],
