@@ -108,9 +108,8 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
     assert (folder / "plan.json").exists() and folder.stat().st_mode == folder.parent.stat().st_mode
 
 
-def test_one_that_is_ended_leaves_nothing(made, tmp_path):
-    folder = tmp_path / "new" / "published"
-    command = [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder, "--unclean"]
+def ended(command, folder):
+    """The status of a publication that gets SIGTERM once its first file is there."""
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         latest = time.monotonic() + 60
@@ -118,11 +117,24 @@ def test_one_that_is_ended_leaves_nothing(made, tmp_path):
             assert script.poll() is None and time.monotonic() < latest
             time.sleep(0.01)
         script.send_signal(signal.SIGTERM)
-        assert script.communicate(timeout=60)[1].endswith("ended by SIGTERM\n")
+        said = script.communicate(timeout=60)[1]
+        assert script.returncode == 0 or said.endswith("ended by SIGTERM\n")
     finally:
         script.kill()
         script.wait()
-    assert script.returncode == 128 + signal.SIGTERM
+    return script.returncode
+
+
+def test_one_that_is_ended_leaves_nothing(made, tmp_path):
+    """One that was done when the signal came is whole, and another is tried."""
+    for attempt in range(5):
+        folder = tmp_path / str(attempt) / "published"
+        status = ended(
+            [sys.executable, ROOT / "scripts" / "stepwise", "publish", made, folder, "--unclean"], folder
+        )
+        if status or not (folder / "run.toml").exists():
+            break
+    assert status == 128 + signal.SIGTERM
     assert list(folder.parent.iterdir()) == []
 
 
