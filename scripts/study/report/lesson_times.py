@@ -63,8 +63,8 @@ def filled(name: str, text: str) -> str | None:
     about = f"{'' if threads else 'One thread, '}{WIDE}×{HIGH}, {facts.short_name(_read(run))} "
     about += f"(run `{run.relative_to(registry.ROOT)}`)"
     if inline:
-        told = "{scene} {before} → {after} ms, {gain}, {error}" + " to truth" * (not phase.draws_ideal)
-        about += f": {'; '.join(told.format(**row) for row in rows)}".replace("\u00a0", " ")
+        told = "On {scene} {before} → {after} ms, {gain}, {error}" + " to truth" * (not phase.draws_ideal)
+        about += f". {'. '.join(told.format(**row) for row in rows)}".replace("\u00a0", " ")
     lines = textwrap.fill(f"{about}.", COLUMNS, break_long_words=False, break_on_hyphens=False)
     old = r"\A(?:[^\n|#!].*\n)+" + ("" if inline else r"(?:\n(?:\|.*\n)+)?")
     made = f"{lines}\n" + ("" if inline else f"\n{_table(phase, threads, rows)}")
