@@ -45,8 +45,8 @@ def quiet(*words: object) -> str:
 
 
 def stepwise(first: str, second: str, folder: Path) -> tuple[float | None, float, float]:
-    """As all tools here: time of the second over the first, None where it does not tell them apart, and the
-    interval that it gives."""
+    """Measures as all tools here: time of the second over the first, None where it does not tell them
+    apart, and the interval that it gives."""
     said = quiet("scripts/stepwise", "time", "--json", "--results", folder, "--", first, ":::", second)
     row = json.loads(said)["result"]["rows"][1]
     ratio = row["ratio"]

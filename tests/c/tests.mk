@@ -12,7 +12,7 @@ C_TESTS_SANITIZED := $(if $(SANITIZE),-O1$(if $(CLANG),, -fexpensive-optimizatio
 c-tests: $(C_TESTS)
 
 # What these include of a phase.
-$(BUILD)/tests/test_bvh: phases/opt9_convex/bvh/bvh.c
+$(BUILD)/tests/test_bvh: phases/opt9_convex/core/bvh.c
 $(BUILD)/tests/test_active_set: phases/opt9_convex/shadow/active_set.c
 $(BUILD)/tests/test_span_outlines $(BUILD)/tests/test_span_light $(BUILD)/tests/test_span_floats: $(wildcard phases/opt12_fused/spans/*.c)
 $(BUILD)/tests/test_interval $(BUILD)/tests/test_group_fields $(BUILD)/tests/test_ball: $(wildcard truth/*.[ch] truth/*/*.[ch])

@@ -113,9 +113,8 @@ def layers(phase: str) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("phase", [name for name in registry.phases() if layers(name)])
-def test_includes_and_calls_go_down(phase: str) -> None:
-    """A call needs a header with its declaration: includes tell of calls too. A kernel's root stands
-    above what it includes."""
+def test_includes_go_down(phase: str) -> None:
+    """A kernel's root stands above what it includes. Calls: test_calls_of_a_phase_go_one_way."""
     order = layers(phase)
     graph = includes(phase)
     assert {
@@ -174,11 +173,14 @@ MUTUAL = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", registry.phases())
-def test_no_two_files_of_a_phase_call_each_other(phase: str) -> None:
-    """Variants of a file define the same symbols: one variant at a time, with the files that have none."""
+def test_calls_of_a_phase_go_one_way(phase: str) -> None:
+    """No two files call each other, and none calls a file of a folder above its own. Variants of a file
+    define the same symbols: one variant at a time, with the files that have none."""
     build(phase)
     objects = sorted((ROOT / "build" / phase / "objects").rglob("*.o"))
     lanes = {path.stem.partition("-lanes")[2] for path in objects}
+    order, sources = layers(phase), [Path(name) for name in patches.files(phase) if name.endswith(".c")]
+    floor = {path.stem: order.index(path.parts[0]) for path in sources if path.parts[0] in order}
     assert len(objects) > 2
     for width in sorted(lanes - {""}) or [""]:
         variant = [path for path in objects if path.stem.partition("-lanes")[2] in ("", width)]
@@ -187,3 +189,5 @@ def test_no_two_files_of_a_phase_call_each_other(phase: str) -> None:
             assert other in graph[one] and one in graph[other], f"{one} and {other} no longer do"
             graph[one].remove(other)
         assert cycle(graph) == []
+        named = [(one.partition("-")[0], other.partition("-")[0]) for one in graph for other in graph[one]]
+        assert [each for each in named if floor.get(each[1], 0) > floor.get(each[0], len(order))] == []

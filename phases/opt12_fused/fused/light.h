@@ -155,7 +155,7 @@ INLINE void set_seen(struct seen *at, vmask m, struct vec local, struct vec p, s
 struct arriving {
     struct vec l; // not of unit length
     vfloat per, far, facing;
-    vmask lit;
+    vmask front;
 };
 
 // Lowers `best` by the solid i on which the rays start.
@@ -186,14 +186,15 @@ INLINE void find_shares(int i, const struct seen at[ROWS], const struct arriving
     vfloat best[ROWS];
     EACH_ROW(k) {
         best[k] = darken_by_planes(f, to[k].per, lit_best());
-        set_light_rays(&rays[k], at[k].p, to[k].l, to[k].per, to[k].far, to[k].lit);
+        set_light_rays(&rays[k], at[k].p, to[k].l, to[k].per, to[k].far, to[k].front);
         grazes[k] = far_side[k] = v_mask_none();
         if (s->eval == EVAL_LINEAR)
             continue;
-        grazes[k] = v_cmp_lt_in(to[k].lit, to[k].facing, v_splat(scene_known.lit_slope));
+        grazes[k] = v_cmp_lt_in(to[k].front, to[k].facing, v_splat(scene_known.lit_slope));
         struct vec q = at[k].local;
         if (!s->convex)
-            far_side[k] = v_cmp_lt_in(to[k].lit, v_madd(q.x, q.x, q.z * q.z), v_splat(s->a * s->a));
+            far_side[k] =
+                v_cmp_lt_in(to[k].front, v_madd(q.x, q.x, q.z * q.z), v_splat(s->a * s->a));
     }
     if (s->eval != EVAL_LINEAR && (any_of(grazes) || (!s->convex && any_of(far_side))))
         darken_by_self(i, at, rays, grazes, far_side, best);
@@ -217,25 +218,25 @@ INLINE void shade_seen(int i, const struct vec base[ROWS], const struct seen at[
     const bool flat = i >= 0 && s->eval == EVAL_LINEAR;
     struct arriving to[ROWS];
     vfloat reach[ROWS], specular[ROWS], share[ROWS];
-    vmask lit[ROWS];
+    vmask front[ROWS];
     EACH_ROW(k) {
         weight[k] = through_fog(at[k].p) * at[k].weight;
         struct vec l = vec_sub(vec_set(f->light), at[k].p);
         vfloat along = flat ? add_dot(s->normal, l) : vec_dot(at[k].n, l);
         vfloat down = flat ? add_dot(s->normal, at[k].d) : vec_dot(at[k].n, at[k].d);
         vfloat square = vec_dot(l, l), per = v_rsqrt_newton(square);
-        lit[k] = v_cmp_gt_in(at[k].m, along, v_splat(0.0f));
+        front[k] = v_cmp_gt_in(at[k].m, along, v_splat(0.0f));
         to[k].l = l;
         to[k].per = per;
         to[k].far = square * per;
         to[k].facing = along * per;
-        to[k].lit = lit[k];
+        to[k].front = front[k];
         vfloat shine = v_nmadd(along + along, down, vec_dot(l, at[k].d)) * per;
         specular[k] = highlight(s, shine);
-        reach[k] = v_select_or_zero(lit[k], weight[k] * per);
+        reach[k] = v_select_or_zero(front[k], weight[k] * per);
         share[k] = v_splat(1.0f);
     }
-    if (scene_known.model.shadows != SHADOWS_NONE && any_of(lit))
+    if (scene_known.model.shadows != SHADOWS_NONE && any_of(front))
         find_shares(i, at, to, bits, f, share);
     const float *e = f->emission;
     EACH_ROW(k) {

@@ -71,7 +71,8 @@ static struct dark_circle circle_of(const struct fused_frame *frame, const struc
     double far = sqrt(span_dot(to, to)), sine = (r + ball) / far;
     if (!(sine < 1))
         return c;
-    double share = ball / (r + ball), height = plane->lit + span_dot(plane->normal, to) * share;
+    double share = ball / (r + ball),
+           height = plane->light_height + span_dot(plane->normal, to) * share;
     double down = -span_dot(plane->normal, to) / far, level = sqrt(fmax(1 - down * down, 0));
     double cosine = sqrt(1 - sine * sine);
     double low = down * cosine - level * sine, high = down * cosine + level * sine;
@@ -94,20 +95,20 @@ static void add_dark(struct fused_frame *frame, int i, int j) {
     struct plane_seen plane = plane_from(frame, i, frame->eye);
     double to[3], foot[3], grow = POINT_ERROR * frame->bounds_radius;
     span_along(s->centre, frame->light, -1, to);
-    span_along(frame->light, plane.normal, -plane.lit - plane.offset, foot);
+    span_along(frame->light, plane.normal, -plane.light_height - plane.offset, foot);
     double wide = frame->bounds_radius * frame->bounds_radius - plane.offset * plane.offset;
     double aside = sqrt(span_dot(foot, foot)) + sqrt(fmax(wide, 0)), ball = 0;
     struct dark_circle circle = {0};
     for (int step = 0; step < 3;
          step++) { // a darkened point is in the circle, so no further off than its rim
-        ball = frame->slope * sqrt(plane.lit * plane.lit + aside * aside);
+        ball = frame->slope * sqrt(plane.light_height * plane.light_height + aside * aside);
         circle = circle_of(frame, &plane, to, s->bound + grow, ball);
         double apart[3];
         span_along(circle.centre, frame->light, -1, apart);
-        span_along(apart, plane.normal, plane.lit, apart);
+        span_along(apart, plane.normal, plane.light_height, apart);
         aside = fmin(aside, sqrt(span_dot(apart, apart)) + circle.radius);
     }
-    if (circle.none || plane.lit <= 0)
+    if (circle.none || plane.light_height <= 0)
         return;
     struct dark_region *region = &frame->dark[frame->dark_count++];
     *region = (struct dark_region){.solid = j, .plane = i};
@@ -159,13 +160,14 @@ static void set_pairs(struct fused_frame *frame, int j) {
             frame->pair[i] |= (uint64_t)(i != j) << j;
             continue;
         }
-        double from[3], lit[3];
-        span_along(p->centre, frame->light, -1, lit);
-        double other = p->bound + grow, ball = frame->slope * (sqrt(span_dot(lit, lit)) + other);
+        double from[3], from_light[3];
+        span_along(p->centre, frame->light, -1, from_light);
+        double other = p->bound + grow,
+               ball = frame->slope * (sqrt(span_dot(from_light, from_light)) + other);
         double sine = (r + ball) / far;
         bool may = !(sine < 1);
         if (!may) {
-            span_along(lit, to, -ball / (r + ball), from); // from the cone's apex
+            span_along(from_light, to, -ball / (r + ball), from); // from the cone's apex
             double along = span_dot(from, to) / far;
             double across = sqrt(fmax(span_dot(from, from) - along * along, 0));
             may = across * sqrt(1 - sine * sine) - along * sine <= other;

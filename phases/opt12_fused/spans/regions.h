@@ -10,9 +10,9 @@
 // outlines (tests/c/spans/test_span_outlines.c), with room.
 #define ANGLE_ERROR 0x1p-17
 
-// A plane as seen from a point above it. fall·(x, y, 1): how steeply a ray comes down. lit: the light's height.
+// A plane as seen from a point above it. fall·(x, y, 1): how steeply a ray comes down.
 struct plane_seen {
-    double normal[3], offset, height, lit, fall[3];
+    double normal[3], offset, height, light_height, fall[3];
 };
 
 static inline struct plane_seen plane_from(const struct fused_frame *frame, int i,
@@ -24,7 +24,7 @@ static inline struct plane_seen plane_from(const struct fused_frame *frame, int 
         plane.fall[k] = -span_dot(s->row[0], frame->axis[k]);
     }
     plane.height = span_dot(plane.normal, eye) - plane.offset;
-    plane.lit = span_dot(plane.normal, frame->light) - plane.offset;
+    plane.light_height = span_dot(plane.normal, frame->light) - plane.offset;
     return plane;
 }
 

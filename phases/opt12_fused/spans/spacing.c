@@ -41,7 +41,8 @@ static inline double whole_power(double a, int n) {
 // The light of a plane along a row from column x = low to high, nodes included. fall, point, light: at slope times the
 // place, see row_of(); times[3]: the highlight's numerator, a quadratic.
 struct row_light {
-    double low, high, fall[2], least_fall, most_fall, lit, fog, strength, shine, bright, dim;
+    double low, high, fall[2], least_fall, most_fall, light_height, fog, strength, shine, bright,
+        dim;
     struct linear look, point, light;
     double times[3];
 };
@@ -49,7 +50,8 @@ struct row_light {
 // The slope s of a ray on its way down is linear in x, and so are s·p, p the point of the plane, and s·(light − p).
 static struct row_light row_of(const struct fused_frame *frame, const struct plane_seen *plane,
                                const struct primitive *s, double y, double low, double high) {
-    struct row_light r = {.low = low, .high = high, .lit = plane->lit, .fog = frame->fog};
+    struct row_light r = {
+        .low = low, .high = high, .light_height = plane->light_height, .fog = frame->fog};
     double look[3], point[2][3], light[2][3];
     span_along(frame->axis[2], frame->axis[1], y, look);
     r.fall[0] = plane->fall[2] + y * plane->fall[1];
@@ -65,10 +67,11 @@ static struct row_light row_of(const struct fused_frame *frame, const struct pla
     r.look = linear_of(look, frame->axis[0]);
     r.point = linear_of(point[0], point[1]);
     r.light = linear_of(light[0], light[1]);
-    r.times[0] = 2 * plane->lit * r.fall[0] * r.fall[0] + span_dot(light[0], look);
-    r.times[1] = 4 * plane->lit * r.fall[0] * r.fall[1] + span_dot(light[1], look) +
+    r.times[0] = 2 * plane->light_height * r.fall[0] * r.fall[0] + span_dot(light[0], look);
+    r.times[1] = 4 * plane->light_height * r.fall[0] * r.fall[1] + span_dot(light[1], look) +
                  span_dot(light[0], frame->axis[0]);
-    r.times[2] = 2 * plane->lit * r.fall[1] * r.fall[1] + span_dot(light[1], frame->axis[0]);
+    r.times[2] =
+        2 * plane->light_height * r.fall[1] * r.fall[1] + span_dot(light[1], frame->axis[0]);
     r.strength = 1 / frame->slope;
     r.shine = s->shininess;
     for (int k = 0; k < 3; k++)
@@ -114,13 +117,14 @@ static double error_of(const struct row_light *r, double radius) {
     far = (far + radius * r->point.rate) / (r->least_fall * (1 - sway));
     double fogged = fmin(2, r->fog * far * far * far); // what the fog takes
     // Without fog, light is a product of powers: its sixth coefficient is 84 times the nearest zero's, or less.
-    double facing = r->lit * per, diffuse = facing * per, clear = fmax(aside, sway);
+    double facing = r->light_height * per, diffuse = facing * per, clear = fmax(aside, sway);
     clear = 84 * clear * clear * clear * clear * clear * clear;
     double shine =
         0.2 * per * shine_size(r, radius, 1 / (least_light * r->look.least * sqrt(0.75)));
     double sum = diffuse * fmin(1, fogged + clear) + shine;
     double tall = fmax(length_at(&r->light, r->low), length_at(&r->light, r->high));
-    if (r->lit * r->least_fall < 1.001 * tall / r->strength) // else the plane cannot darken itself
+    if (r->light_height * r->least_fall <
+        1.001 * tall / r->strength) // else the plane cannot darken itself
         sum += (diffuse + shine) * r->strength * facing * fmin(1, clear);
     double third = radius * radius * radius;
     return 3.516 * (r->bright * sum + r->dim * fmin(1, fogged)) / (third * third);
@@ -147,7 +151,7 @@ KERNEL_SHARED int fused_spacing(const struct fused_frame *frame, int plane, int 
         double low = pixel * (x0 - middle - 3 * spacing),
                high = pixel * (x1 - middle + 3 * spacing);
         struct row_light light = row_of(frame, &seen, &frame->shape[plane], y, low, high);
-        if (!(light.least_fall > 0) || !(seen.lit > 0))
+        if (!(light.least_fall > 0) || !(seen.light_height > 0))
             return 0;
         double radius = fmin(0.5 * light.point.apart, 0.5 * light.look.apart);
         radius = fmin(radius, 0.6 * light.light.apart);

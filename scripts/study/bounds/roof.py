@@ -131,7 +131,7 @@ def _nearest(pictures: Iterable[P], cell: Cell) -> tuple[float, int | None, P] |
 
 
 def _origin(one: Picture, cell: Cell, cpu: str | None) -> str | None:
-    """By what else than the timed program's compiler, flags or CPU something was counted; None: no such."""
+    """What else than the timed program's compiler, flags or CPU something was counted; None: no such."""
     counted_on = one.cpu if isinstance(one, Measurement) else None
     pairs = [("compiler", one.compiler, cell.facts.compiler), ("flags", one.flags, cell.facts.flags)]
     pairs.append(("cpu", counted_on, cpu))

@@ -188,7 +188,7 @@ def under_load(speed: float, bits: int, roofs: Roofs, cell: Cell, limits: Ceilin
 
 
 def clocks(points: Iterable[Any]) -> list[str]:
-    """By how much the clock under vector load was below the one that cycles of points (study.bounds.roof) are
+    """How much the clock under vector load was below the one that cycles of points (study.bounds.roof) are
     counted by, per width."""
     loaded = [one for one in points if one.load_clock > 0]
     said: list[str] = []

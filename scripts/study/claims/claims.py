@@ -135,7 +135,7 @@ def _times(ratio: Interval) -> str:
 
 
 def _speedup(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
-    """By time, at the size of the ladder. Of a phase with lanes a small n gains less, as the paper says."""
+    """Speed-up by time, at the size of the ladder: with lanes a small n gains less, as the paper says."""
     scene, phase, base = claim.scene, claim.phase, claim.base
     shown = ladder.ladders(rows).get(scene, pd.DataFrame(columns=["height", "width"]))
     sizes = set(zip(shown["height"], shown["width"], strict=True))
@@ -166,7 +166,7 @@ def _scene_ratio(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
 
 
 def _constant(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
-    """Over the sizes of the paper's range where the run has two of them, else over all."""
+    """The constant over the sizes of the paper's range where the run has two of them, else over all."""
     sizes = _sizes(data, (claim.scene, claim.phase))
     if len(sizes) < 2:
         return missing(f"second size of {claim.phase} on {claim.scene}")

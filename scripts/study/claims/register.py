@@ -246,8 +246,8 @@ def _normalize(data: Data, claim: Claim) -> Found:
 
 
 def _rtrm(data: Data, claim: Claim) -> Found:
-    """Beside figures of another machine: that decides nothing. The figure is of the claim's phase; without
-    a time of it the fastest one's stands in the words alone."""
+    """Stands beside figures of another machine: that decides nothing. The figure is of the claim's phase;
+    without a time of it the fastest one's stands in the words alone."""
     result = experiment.load(data.path, "lattice.json")
     fastest = result.best(2) if result else None
     if result is None or fastest is None:
@@ -264,8 +264,8 @@ def _rtrm(data: Data, claim: Claim) -> Found:
 
 
 def _integers(data: Data, claim: Claim) -> Found:
-    """Beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's are
-    another stretch of the animation, whose frames drift: no ratio then."""
+    """Stands beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's
+    are another stretch of the animation, whose frames drift: no ratio then."""
     result = experiment.load(data.path, "fixed.json")
     mine = [r for r in result.animation if (r.phase, r.n) == (claim.phase, claim.n)] if result else []
     mine = [r for r in mine if r.shadows]

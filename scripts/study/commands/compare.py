@@ -101,7 +101,7 @@ def over_time(args: argparse.Namespace) -> Outcome:
 
 
 def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
-    """As the tool `customSmallerIsBetter` of github-action-benchmark reads it (its README, "Custom").
+    """What the tool `customSmallerIsBetter` of github-action-benchmark reads (its README, "Custom").
 
     `by_baseline`: the unit is baseline's time in the same run, which other hours and runners change least.
     """
@@ -128,7 +128,7 @@ def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
 
 
 def confirmed(found: list[Row], sides: Sequence[Side], args: argparse.Namespace) -> list[Row]:
-    """With what looks slower in time measured again. Raises StudyError: for more runs than two, and where a
+    """Measures again what looks slower in time. Raises StudyError: for more runs than two, and where a
     program is not the one that was measured."""
     if len(sides) != 2:
         raise StudyError(f"--confirm takes the base and one run, not {len(sides)} runs")

@@ -116,7 +116,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def commands(words: Sequence[str]) -> list[list[str]]:
-    """Between two ::: stands a command. Raises StudyError for an empty one."""
+    """Commands, one between two :::. Raises StudyError for an empty one."""
     found = [list(some) for end, some in itertools.groupby(words, lambda word: word == BETWEEN) if not end]
     if not found or len(found) != list(words).count(BETWEEN) + 1 or not all(map(any, found)):
         raise StudyError("name the programs: stepwise time [options] -- ./old args ::: ./new args")

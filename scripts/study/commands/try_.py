@@ -193,7 +193,7 @@ def calls(parent: Declared, mine: Declared) -> list[tuple[str, int, int]]:
 
 
 def stated_by(name: str) -> str:
-    """Whose costs.def the phase or ablation has: its own, or that of the nearest phase it derives from."""
+    """The owner of the costs.def that the phase or ablation has: itself, or the nearest it derives from."""
     for patch in reversed(patches.chain(name)):
         if "+++ b/costs.def" in patch.diff:
             return patch.name
@@ -265,7 +265,7 @@ def cells(side: Side) -> dict[str, str]:
 
 
 def text(result: Compared) -> str:
-    """For people: a table of both sides, then calls that changed, what fails, and the strip."""
+    """Text for people: a table of both sides, then calls that changed, what fails, and the strip."""
     parent, mine = result.sides
     left, right = cells(parent), cells(mine)
     wide = [max(map(len, column)) for column in (left, [parent.name, *left.values()])]

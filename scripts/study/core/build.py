@@ -44,7 +44,7 @@ def is_built(path: Path) -> bool:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """While no other process makes anything in that folder: a phase's build may make its parent's."""
+    """Keeps other processes from making anything in that folder: a phase's build may make its parent's."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".making").open("w")

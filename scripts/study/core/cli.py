@@ -125,7 +125,7 @@ def at_signal(end: Callable[[], None]) -> None:
 
 
 def _signalled(number: int, frame: object) -> None:
-    """As an exception: what a script has under a temporary name goes with it. A second one ends at once."""
+    """Ends by an exception: what has a temporary name goes with it. A second signal ends at once."""
     signal.signal(number, signal.SIG_DFL)
     for end in _enders:
         end()

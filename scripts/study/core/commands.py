@@ -150,7 +150,7 @@ def main() -> int:
 
 
 def noted(outcome: Outcome) -> Outcome:
-    """On arm64 with a remark on the phases named in what is printed whose code SIMDe translated."""
+    """Adds, on arm64, a remark on the phases named in what is printed whose code SIMDe translated."""
     if not (programs := registry.by_simde()):
         return outcome
     lines = list(map(str, outcome.lines))

@@ -145,7 +145,7 @@ def decibels(text: str) -> str:
 
 
 def gate(row: Row) -> str:
-    """In words and a sign, so that colour is not needed to tell."""
+    """The gate in words and a sign, so that colour is not needed to tell."""
     if yes(cell(row, "is_reference")):
         return "reference"
     within = cell(row, "within_tolerance")
@@ -158,7 +158,7 @@ def gate(row: Row) -> str:
 
 
 def gate_at(row: Row) -> str:
-    """With the height of the pictures, where it is not the row's."""
+    """The gate with the height of the pictures, where it is not the row's."""
     height, text = cell(row, "error_height"), gate(row)
     same = gone(height) or height == cell(row, "height") or not gate_mark(row)
     return text if same else f"{text} (at n = {height:.0f})"

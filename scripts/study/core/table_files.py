@@ -11,7 +11,7 @@ Made = dict[str, tuple[pd.DataFrame, str]]
 
 
 def flat(rows: pd.DataFrame) -> pd.DataFrame:
-    """For CSV: an interval's entries as columns of their own, `ms.value`, `ms.low` …"""
+    """Rows for CSV: an interval's entries as columns of their own, `ms.value`, `ms.low` …"""
     if not any(isinstance(value, dict) for value in rows.to_numpy().ravel()):
         return rows
     made = pd.json_normalize(rows.to_dict("records"), sep=".")

@@ -28,7 +28,7 @@ def _task(given: Given) -> dict[str, str]:
 
 
 def _digits(value: float) -> float:
-    """To six digits, as it stands in the task: keys are calculated from that."""
+    """Rounds to six digits, as it stands in the task: keys are calculated from that."""
     return float(f"{value:.6g}")
 
 

@@ -59,7 +59,7 @@ def thread_counts() -> Sequence[int]:
 
 
 def with_common(rows: Sequence[Row]) -> list[Row]:
-    """With `common_ms`, the mean of the first `common_frames`, as many as the shortest row has: what
+    """Adds `common_ms`, the mean of the first `common_frames`, as many as the shortest row has: what
     the frames show drifts, so that means of different numbers of them are of different work."""
     fewest = min((len(row.all_ms) for row in rows if row.all_ms), default=0)
     return [

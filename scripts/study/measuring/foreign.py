@@ -73,7 +73,7 @@ class Metadata(msgspec.Struct):
 
 
 class Worker(msgspec.Struct):
-    """Without values it found out how many loops take long enough."""
+    """A process. Without values it found out how many loops take long enough."""
 
     values: list[float] = []
     metadata: Metadata = msgspec.field(default_factory=Metadata)
@@ -240,7 +240,7 @@ def read(path: Path, content: Any) -> Found:
 
 
 def written(found: Found, path: Path, results: Path) -> store.Run:
-    """As a run below `results`, in a folder of its machine, as far as that is known. Raises StudyError."""
+    """Writes a run below `results`, in a folder of its machine as far as it is known. Raises StudyError."""
     where = found.cpu.model or found.host or found.tool
     slug = "imported-" + re.sub(r"[^a-z0-9]+", "-", where.lower()).strip("-")
     every = found.samples.values()

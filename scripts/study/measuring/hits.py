@@ -58,7 +58,7 @@ def errors(exact: Picture, made: Picture) -> HitErrors:
 
 
 def to_truth(exact: Picture, image: Picture) -> Errors:
-    """With the errors to the ideal shadow; `wrong_ppm` is of the pixels that truth proves."""
+    """Errors, those to the ideal shadow too; `wrong_ppm` is of the pixels that truth proves."""
     found = judging.metrics(exact, image)
     kept = {name: found[name] for name in ("psnr_db", "rmse", "psnr_ideal_db", "rmse_ideal", "non_finite")}
     wrong = sum(found[f"{name}_ppm"] for name in ("false_hits", "false_misses", "wrong_shape"))

@@ -53,7 +53,7 @@ def begin(results: Path, slug: str, plan: Plan, context: Context) -> Run:
 
 
 def end(run: Run, plan: Plan) -> None:
-    """After its last line. Whoever measured puts context.end into the context himself."""
+    """Ends a run after its last line. Whoever measured puts context.end into the context himself."""
     plan.finished = now()
     store.write_json(run.path / "plan.json", plan)
     run.close()

@@ -35,7 +35,7 @@ def places(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def camera(data: dict[str, Any], width: int, height: int) -> Rays:
-    """In the order of `places`."""
+    """Camera rays in the order of `places`."""
     c = scene_json.read(data).camera
     ahead = _unit(np.subtract(c.look_at, c.position))
     right = _unit(np.cross(c.up, ahead))
@@ -61,8 +61,8 @@ def normals(shapes: Sequence[Shape], points: np.ndarray, shape: np.ndarray) -> n
 def secondary(
     data: dict[str, Any], rays: Rays, t: np.ndarray, shape: np.ndarray, seed: int
 ) -> dict[str, Rays]:
-    """From the hits of camera rays: from the light up to each that faces it, mirrored by every shape, and in
-    any direction off the surface, in no order."""
+    """Rays from the hits of camera rays: from the light up to each that faces it, mirrored by every shape,
+    and in any direction off the surface, in no order."""
     scene, met = scene_json.read(data), shape >= 0
     o, d = rays[met, :3].astype(float), rays[met, 3:6].astype(float)
     p = o + t[met, None] * d

@@ -149,7 +149,7 @@ def rows(run: Path) -> list[Row]:
 
 
 def _numbers(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Without what has no value, and ∞ where JSON has null for it: a PSNR beside an RMSE that is a number."""
+    """Numbers without what has no value; ∞ where JSON has null for it: a PSNR beside an RMSE."""
     found: dict[str, Any] = {}
     for name, value in row.items():
         if isinstance(value, dict):

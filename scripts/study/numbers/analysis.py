@@ -162,7 +162,7 @@ def described(plan: Plan) -> dict[str, PhaseJson]:
 
 
 def cells_of(frames: pd.DataFrame, plan: Plan | None = None) -> list[Cell]:
-    """By scene and phase in the order of the plan (phases it does not have: from slow to fast), then size."""
+    """Cells by scene and phase in the plan's order (others from slow to fast), then size."""
     if frames.empty:
         return []
     plan = plan or Plan()

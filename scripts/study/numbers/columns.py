@@ -63,7 +63,7 @@ def _pictures() -> list[Column]:
 
 
 def _truth_psnr(name: str) -> Callable[[Row], str]:
-    """In dB. Of a fractal it is of averaged pictures, and to a march but for its exact surface."""
+    """PSNR in dB. Of a fractal it is of averaged pictures, and to a march but for its exact surface."""
     of = "4×4" if name == "truth_surface_db" else "4×4, march"
 
     def text(row: Row) -> str:

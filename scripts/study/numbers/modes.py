@@ -118,7 +118,7 @@ def modes(values: ArrayLike) -> Modes | None:
 
 
 def drift(values: ArrayLike) -> float | None:
-    """By how much the last quarter's median is off the first quarter's, relative, where the launches in
+    """How much the last quarter's median is off the first quarter's, relative, where the launches in
     their order have a trend; else None."""
     found = np.asarray(values, float)
     found = found[:: -(-len(found) // MOST) or 1]

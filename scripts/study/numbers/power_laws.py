@@ -47,7 +47,7 @@ def _medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def _exponent(value: float, resampled: np.ndarray | None) -> Range:
-    """With its 95 % interval; null ends where a point has too few launches."""
+    """The exponent with its 95 % interval; null ends where a point has too few launches."""
     low, high = (None, None) if resampled is None else map(float, np.percentile(resampled, [2.5, 97.5]))
     return Range(value=float(value), low=low, high=high)
 

@@ -83,7 +83,7 @@ def bases(programs: Sequence[Program]) -> list[int | None]:
 
 
 def cover(programs: Sequence[Program]) -> float:
-    """Of the interval that each verdict is by."""
+    """Coverage of the interval that decides each verdict."""
     return stats.together(sum(base is not None for base in bases(programs)))
 
 
@@ -101,7 +101,7 @@ def verdict(found: Interval, sure: Interval, of_rounds: pd.Series, precision: fl
 
 
 def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
-    """In the order of the plan. Times of another tool were not launched in turns: they have no ratio."""
+    """Rows in the order of the plan. Times of another tool were not launched in turns: they have no ratio."""
     known = {(one.spec, one.scene): one for one in cells}
     stopped, wide, made = plan.precision is not None, cover(plan.programs), []
     for program, base in zip(plan.programs, bases(plan.programs), strict=True):

@@ -25,7 +25,7 @@ class Range(Record, kw_only=True):
 
     @classmethod
     def of(cls, found: stats.Interval) -> Range:
-        """As files have it: null for what is not finite."""
+        """The interval as files have it: null for what is not finite."""
         return cls(**_ends(found))
 
     @property

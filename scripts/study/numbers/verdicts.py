@@ -70,7 +70,7 @@ def judged(here: float, stated: float) -> tuple[str, str]:
 
 
 def near(here: float, stated: float) -> tuple[str, str]:
-    """For figures that should be met and not beaten; NaN fails."""
+    """Judges figures that should be met and not beaten; NaN fails."""
     if stated / NEAR <= here <= stated * NEAR:
         return HOLDS, f"within 10 % of {stated:g}"
     return FAILS, f"more than 10 % off {stated:g}"

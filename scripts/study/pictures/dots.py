@@ -35,8 +35,8 @@ def of(found: Interval, panel: str, label: str, text: str = "", even: bool = Fal
 
 
 def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns: int = 2) -> Figure:
-    """On a logarithmic axis. `even`: with a line at 1. Values that are not above 0 are left out. On paper
-    panels with long labels stand below each other."""
+    """Draws on a logarithmic axis. `even`: with a line at 1. Values that are not above 0 are left out. On
+    paper panels with long labels stand below each other."""
     rows = [row for row in rows if row.value > 0]
     names = list(dict.fromkeys(row.panel for row in rows))
     most = max(sum(row.panel == name for row in rows) for name in names)

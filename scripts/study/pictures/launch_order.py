@@ -38,7 +38,7 @@ def _panel(axes: Axes, mine: pd.DataFrame, names: list[str]) -> None:
 
 
 def _as_it_is(text: str) -> str:
-    """For matplotlib, to which text between two $ is a formula."""
+    """Escapes text for matplotlib, to which text between two $ is a formula."""
     return text.replace("$", r"\$")
 
 

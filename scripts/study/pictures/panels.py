@@ -69,7 +69,7 @@ def difference(axes: Axes, bar_axes: Axes, reference: Picture, image: Picture) -
 
 
 def tell(axes: Axes, reference: Picture, image: Picture) -> None:
-    """In a heat map that is nearly all black: why, by how many pixels differ, and the largest difference."""
+    """Writes into a nearly black heat map how many pixels differ, and the largest difference."""
     off = np.abs(np.subtract(*(images.clamped(images.rgb(one)) for one in (reference, image)))).max(axis=-1)
     over = int((~(off <= SMALLEST)).sum())
     if over > MANY * off.size:

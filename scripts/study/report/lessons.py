@@ -33,7 +33,7 @@ STEPS = {  # ablations by the step that they are
 
 @dataclass(frozen=True)
 class Value:
-    """To five digits, with its 95 % interval; None: not known."""
+    """A number to five digits, with its 95 % interval; None: not known."""
 
     value: float | None
     low: float | None = None

@@ -1,12 +1,12 @@
 // flags: -iquote phases/opt9_convex -iquote phases/opt6_wide
-// opt9_convex's BVH (bvh/bvh.c): every shape is a leaf once, every node's sphere holds its children's, and the root's
+// opt9_convex's BVH (core/bvh.c): every shape is a leaf once, every node's sphere holds its children's, and the root's
 // sphere holds every leaf. Checked in double.
 #include "tests/c/testing.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#include "bvh/bvh.c"
+#include "core/bvh.c"
 
 enum { MOST = BVH_WIDTH * BVH_WIDTH * BVH_WIDTH };
 

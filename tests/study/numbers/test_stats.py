@@ -27,7 +27,7 @@ def test_ends_are_the_nearest_order_statistics_that_hold_the_median_19_times_in_
 
 @pytest.mark.parametrize("n", [4, 8, 20])
 def test_several_intervals_hold_together(n):
-    """Of ten samples each, all ten true medians in 95 % of cases or more."""
+    """All ten true medians, of ten samples each, in 95 % of cases or more."""
     samples = np.random.default_rng(5).normal(size=(800, 10, n))
     found = [[stats.median_interval(np.exp(one), stats.together(10)) for one in ten] for ten in samples]
     assert np.mean([all(i.low <= 1 <= i.high for i in ten) for ten in found]) >= 0.94

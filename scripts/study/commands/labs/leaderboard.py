@@ -122,7 +122,7 @@ def verified(name: str, scene: Scene, height: int, least: float) -> Entry:
 
 
 def ranked(entries: Sequence[Entry], ms: dict[str, list[float]]) -> list[Entry]:
-    """By median; then those that are out."""
+    """Ranks by median; then come those that are out."""
     order = sorted(
         (one for one in entries if not one.out), key=lambda one: stats.median_interval(ms[one.name]).value
     )

@@ -49,7 +49,7 @@ cli.at_signal(_end_all)
 
 
 def may_start() -> None:
-    """To be called before a child starts. StudyError once a signal ends the script: nobody waits for more."""
+    """Is called before a child starts. StudyError once a signal ends the script: nobody waits for more."""
     if _ending.is_set():
         raise StudyError("nothing more is started: the script is ending", CANNOT_RUN)
 
@@ -98,7 +98,7 @@ def run(
     timeout: float | None = None,
     **options: Any,
 ) -> subprocess.CompletedProcess:
-    """As subprocess.run, for at most `timeout` (inf: without end) or `seconds()`; text is always UTF-8.
+    """Is subprocess.run for at most `timeout` (inf: without end) or `seconds()`; text is always UTF-8.
     StudyError (cannot run) when it was killed for that."""
     if options.get("text"):
         options = {"encoding": "utf-8", "errors": "replace"} | options

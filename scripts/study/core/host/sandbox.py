@@ -76,7 +76,7 @@ def around(command: Sequence[str | Path]) -> list[str | Path]:
 
 @contextlib.contextmanager
 def unlimited_memory() -> Iterator[None]:
-    """For a program with a limit of its own, as those of AddressSanitizer, which map terabytes."""
+    """Lifts the limit for a program with its own, as those of AddressSanitizer, which map terabytes."""
     global _limits
     before = _limits
     _limits = [word for word in before if not word.startswith("--as=")]

@@ -69,7 +69,7 @@ def spread(cpu: int, threads: int, cpus: Collection[int]) -> set[int]:
 
 
 def caches(cpu: int) -> list[Cache]:
-    """As the kernel lists them; sizes as it writes them, e.g. 48K."""
+    """Caches as the kernel lists them; sizes as it writes them, e.g. 48K."""
     files = ("level", "type", "size", "ways_of_associativity", "shared_cpu_list")
     folders = sorted((SYSTEM / f"cpu{cpu}" / "cache").glob("index*"))
     told = ([read_text(folder / file) or None for file in files] for folder in folders)

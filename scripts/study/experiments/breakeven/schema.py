@@ -32,7 +32,7 @@ class Row(Record, kw_only=True):
 
 
 class Breakeven(Measured, kw_only=True):
-    """After how many frames code compiled for a scene has paid."""
+    """The number of frames after which code compiled for a scene has paid."""
 
     made_by: ClassVar[str] = "breakeven"
     seconds: Annotated[float | None, key("s", "allowed")] = None

@@ -20,7 +20,7 @@ def _interval(name: str, unit: str = "") -> Callable[[Row], str]:
 
 
 def frames_needed(row: Row) -> str:
-    """With its interval, whose end may be “never”."""
+    """The number with its interval, whose end may be “never”."""
     found = row.break_even_frames
     if not found:
         return show.NOTHING

@@ -27,7 +27,7 @@ class Failed(Exception):
 
 
 def run_shard(command: list[str], number: int, of: int, file: str) -> SimpleNamespace:
-    """On a worker: its name and address, and what `drawn` gives or, as `error`, why there is nothing."""
+    """Runs on a worker: its name and address, and what `drawn` gives or, as `error`, why there is nothing."""
     from distributed import get_worker
 
     worker = get_worker()

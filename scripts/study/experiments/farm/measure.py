@@ -59,7 +59,7 @@ def units(name: str, words: Sequence[str]) -> int:
 def plan(
     name: str, words: Sequence[str], count: int, folder: Path, workers: int | None, scheduler: str | None
 ) -> dict[str, Any]:
-    """For the driver, as JSON. Either `workers` or `scheduler` is given."""
+    """The plan for the driver, as JSON. Either `workers` or `scheduler` is given."""
     file = shards.file_name(able()[name].file, Shard(1, count))
     return {
         "command": [*COMMAND, name, *words, "--jobs", "1"],

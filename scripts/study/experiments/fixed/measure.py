@@ -52,7 +52,7 @@ class Case(NamedTuple):
         return {SETTINGS: self.words} | ({"STEPWISE_ISA_LIMIT": "avx2"} if self.lanes == 8 else {})
 
     def timer(self, scene: Scene, size: Size) -> Callable[[int], float]:
-        """For launches.interleaved: milliseconds of a frame on one thread."""
+        """A function for launches.interleaved: milliseconds of a frame on one thread."""
         return lambda pad: launches.milliseconds(self.phase, scene, size, 5, pad, self.told)
 
     def picture(self, scene: Scene, size: Size) -> images.Picture:

@@ -41,7 +41,7 @@ def settings(
 
 
 def timer(phase: str, words: str, scene: Scene, size: Size, reps: int) -> Callable[[int], float]:
-    """For launches.interleaved: milliseconds of a frame."""
+    """A function for launches.interleaved: milliseconds of a frame."""
     return lambda pad: launches.milliseconds(phase, scene, size, reps, pad, {SETTINGS: words})
 
 

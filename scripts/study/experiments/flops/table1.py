@@ -70,7 +70,7 @@ class Row:
 
     @property
     def gflop(self) -> float | None:
-        """By the paper's convention, or what was measured of a phase that declares nothing."""
+        """GFLOP by the paper's convention, or what was measured of a phase that declares nothing."""
         return self.measured_gflop if self.paper_convention_gflop is None else self.paper_convention_gflop
 
 

@@ -255,7 +255,7 @@ POINTS = [
 
 
 def _nearness(row: Row, measure: str) -> float | None:
-    """As the printed figure has it; None where there is none."""
+    """Value of the printed figure; None where there is none."""
     value = drawn_at(row, measure)
     return float(f"{value:.6g}") if math.isfinite(value) else None
 

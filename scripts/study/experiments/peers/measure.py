@@ -149,7 +149,7 @@ class Measuring:
 def points(
     specs: Sequence[Spec], others: Mapping[str, Peer], scenes: Iterable[str], threads: Sequence[int]
 ) -> list[Point]:
-    """On each scene that another program draws, that and our phases."""
+    """Each scene that another program draws, by that program and by our phases."""
     made = []
     for scene in scenes:
         for count in dict.fromkeys(threads):

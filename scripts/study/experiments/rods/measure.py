@@ -39,7 +39,7 @@ def picture(words: str, scene: Scene, size: Size, max_steps: int | None = None) 
 def timer(
     words: str, scene: Scene, size: Size, reps: int, max_steps: int | None = None
 ) -> Callable[[int], float]:
-    """For launches.interleaved: milliseconds of the march alone."""
+    """A function for launches.interleaved: milliseconds of the march alone."""
     told = {SETTINGS: f"{words} picture=map"}
     return lambda pad: launches.milliseconds("rods", scene, size, reps, pad, told, max_steps=max_steps)
 

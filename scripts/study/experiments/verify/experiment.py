@@ -11,8 +11,8 @@ LEAST, QUICK = 180, 90  # pixels of height
 
 
 def calls(study: Study) -> list[Call]:
-    """On every scene, but a quick study compiles no kernel for scenes that it does not time. Shares of pixels
-    need pictures that are not too small.
+    """Verifies every scene, but a quick study compiles no kernel for scenes that it does not time. Shares of
+    pixels need pictures that are not too small.
     """
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
     averaged = {"full": "180", "standard": "90"}.get(study.depth, "45")

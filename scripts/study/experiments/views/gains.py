@@ -32,7 +32,7 @@ def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed:
 
 
 def verdict(tuned: Sequence[Row], others: Sequence[Row], median: stats.Interval, slower: int) -> str:
-    """In words, with the intervals asked: what a phase's gain is elsewhere than where it was tuned. `slower`:
+    """Tells, by intervals, what a phase's gain is elsewhere than where it was tuned. `slower`:
     on how many views, those of its general code among them."""
     if not tuned or not others:
         return "tuned views not measured" if others else "other views not measured"

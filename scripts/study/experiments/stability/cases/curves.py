@@ -50,7 +50,7 @@ def _apart(places: list[float], values: list[float]) -> list[float]:
 
 
 def _strength_axis(axes: Axes, case: Case) -> None:
-    """From easy (left) to hard, logarithmic where the strengths are positive and span much."""
+    """Runs from easy (left) to hard, logarithmic where the strengths are positive and span much."""
     values = list(case.strengths)
     low, high = min(values), max(values)
     by_powers = low > 0 and high / low > 20

@@ -145,7 +145,7 @@ def c40_deep(phase: Phase, strength: float) -> Outcome:
 
 
 def hollow(radius: float) -> Known:
-    """From within the hollow of a block, beside its middle."""
+    """A ray from within the hollow of a block, beside its middle."""
     around = group("difference", shape("box", half_size=[2 * radius] * 3), ball(radius))
     up, march = 0.3 * radius, {"bounds_radius": 10 * radius}
     whole = scene([around], camera=eye([0, up, 0], [0, up, 1]), march=march)

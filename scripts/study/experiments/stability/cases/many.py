@@ -49,7 +49,7 @@ def to_cone(p: np.ndarray) -> np.ndarray:
 
 
 def overstep(p: np.ndarray, f: np.ndarray) -> float:
-    """By how much a positive f goes beyond the nearest cone, those of the next cells among them."""
+    """How much a positive f goes beyond the nearest cone, those of the next cells among them."""
     shifts = [[i * CELL, j * CELL, 0] for i in (-1, 0, 1) for j in (-1, 0, 1)]
     true = np.min([to_cone(p - CONES - shift) for shift in shifts], axis=0)
     return float(np.max(np.where(f > 0, f - true, 0)))

@@ -42,7 +42,7 @@ def measure_point(phase: Phase, case: Case, strength: float) -> Point:
 
 
 def row(name: str, case: Case, points: Sequence[Point]) -> Row:
-    """From the points of one phase in the order of the case's strengths."""
+    """A row from the points of one phase in the order of the case's strengths."""
     bad = [p.strength for p in points if p.state not in (RIGHT, REFUSED)]
     return Row(
         case=case.name,

@@ -158,7 +158,7 @@ def one_ray(phase: Phase, whole: dict) -> Ray:
 
 
 def angle_degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between unit vectors along the last axis; 180 where one is none (zero, NaN): it has no direction.
+    """The angle between unit vectors along the last axis; 180 where one has no direction (zero, NaN).
 
     atan2 keeps its digits where acos of a product has none left.
     """
