@@ -106,11 +106,14 @@ def modes(values: ArrayLike) -> Modes | None:
     logs = np.log(_unrounded(found))
     if dip(logs) * math.sqrt(count) <= np.interp(count, COUNTS, DIPS):
         return None
-    # Where both halves scatter least about their means (N. Otsu, IEEE Trans. SMC 9, 1979).
-    lengths = np.arange(1, count)
-    sums = np.cumsum(logs)
-    means = sums[:-1] / lengths, (sums[-1] - sums[:-1]) / (count - lengths)
-    at = int(np.argmax(lengths * (count - lengths) * (means[1] - means[0]) ** 2)) + 1
+    # Where both halves scatter least about their means (N. Otsu, IEEE Trans. SMC 9, 1979), but for the outer
+    # twentieth on each side: outliers would be a half of their own.
+    cut = -(-count // 20)
+    inner = logs[cut : count - cut]
+    lengths = np.arange(1, len(inner))
+    sums = np.cumsum(inner)
+    means = sums[:-1] / lengths, (sums[-1] - sums[:-1]) / lengths[::-1]
+    at = cut + int(np.argmax(lengths * lengths[::-1] * (means[1] - means[0]) ** 2)) + 1
     low, high = float(np.median(found[:at])), float(np.median(found[at:]))
     if high < (1 + LEAST) * low:
         return None

@@ -92,6 +92,15 @@ def test_two_modes_are_found_and_described(share, gap):
     assert f"({found.low_launches} launches)" in found.text()
 
 
+@pytest.mark.parametrize("slow", [12, 30, 48])
+def test_outliers_beside_two_modes_are_no_mode(slow):
+    """Launches of 10 and 11 ms, and two that took six times as long."""
+    random = np.random.default_rng(RANDOM)
+    times = np.where(np.arange(60) < slow, 11, 10) * np.exp(0.005 * random.normal(size=60))
+    found = modes.modes(np.append(times, [61, 62]))
+    assert found and (found.low_launches, found.high_launches) == (60 - slow, slow + 2)
+
+
 @pytest.mark.parametrize("kind", ["skewed", "outliers", "rounded", "near", "few", "equal"])
 def test_one_mode_is_none_of_these(kind):
     random = np.random.default_rng(RANDOM)
