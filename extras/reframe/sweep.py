@@ -1,8 +1,9 @@
 """One interleaved sweep on a node that nobody else uses, as a test of ReFrame (reframe-hpc 4.10).
 
-    reframe -c extras/reframe/sweep.py -r -S phases="opt4 opt9_convex" --distribute=idle
+    reframe -c extras/reframe/sweep.py -r --timestamp -S phases="opt4 opt9_convex" --distribute=idle
 
-`--distribute` makes a test for every node; without it there is one, where ReFrame's scheduler puts it.
+`--timestamp` keeps the runs of earlier sessions. `--distribute` makes a test for every node; without it there
+is one, where ReFrame's scheduler puts it.
 The sweep times its phases in turn, so a test is never less than a whole sweep. docs/scale.md says more.
 """
 
