@@ -15,7 +15,7 @@ from study.pictures.draw import STYLE
 from study.report import lesson_times, lessons, lessons_draw
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
-LINES, COLUMNS, EXCERPT = 60, 100, 15
+LINES, COLUMNS, EXCERPT = 59, 100, 15
 GAP = 9  # lines of the source that an excerpt may leave out without a line of dots
 DOTS = ("...", "…")
 PHASES = sorted(registry.phases())
@@ -169,7 +169,7 @@ def test_a_table_of_ideas_is_of_the_newest_run_that_has_them_all(tmp_path: Path)
         "zen9-2027-02-01": measured("opt7_tiles"),
     }.items():
         (tmp_path / run).mkdir()
-        complete.write(tmp_path / run / ideas.FILE, made)
+        complete.write(tmp_path / run / ideas.IDEAS_FILE, made)
     (tmp_path / "zen9-2027-03-01").mkdir()
     found = ideas.published(name, tmp_path)
     assert found == tmp_path / "zen9-2027-01-02"
