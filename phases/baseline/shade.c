@@ -27,7 +27,7 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
     double distance = vec_norm(to_light);
     if (!(distance > 0.0)) // the light lies on the surface and has no direction
         return ambient;
-    COUNT(light_at, lit);
+    COUNT(light_at, direction);
     to_light = vec_scale(to_light, 1.0 / distance);
     double attenuation = shadow(p, to_light, distance, world) / distance;
     double cos_light = vec_dot(n, to_light);

@@ -35,7 +35,7 @@ static void light_at(const struct vec3 *p, const struct vec3 *n, const struct ve
     vec_scale(&albedo, 0.01, color); // ambient
     if (!(distance > 0.0))           // the light lies on the surface and has no direction
         return;
-    COUNT(light_at, lit);
+    COUNT(light_at, direction);
     vec_scale(&to_light, 1.0 / distance, &to_light);
     double attenuation = shadow(p, &to_light, distance, world->scene) / distance;
     double cos_light = vec_dot(n, &to_light);

@@ -34,7 +34,7 @@ static void light_at(const double *p, const double *n, const double *direction,
     double distance = vec_norm(to_light);
     if (!(distance > 0.0)) // the light lies on the surface and has no direction
         return;
-    COUNT(light_at, lit);
+    COUNT(light_at, direction);
     vec_scale(to_light, 1.0 / distance, to_light);
     double cos_light = vec_dot(n, to_light);
     if (!(cos_light > 0.0)) // facing away: both terms are zero, so no shadow ray

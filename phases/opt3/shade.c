@@ -55,7 +55,7 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, vma
     if (!v_any(front))
         return color;
     ACTIVE(v_count(front));
-    COUNT(light_at, lit);
+    COUNT(light_at, facing);
     vdouble attenuation = shadow(p, to_light, distance, front, world->scene) / distance;
     ACTIVE(v_count(front));
     struct vec emission = vec_set(world->view->light_emission);

@@ -234,7 +234,7 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     if (!v_any(front))
         return color;
     ACTIVE(v_count(front));
-    COUNT(light_at, lit);
+    COUNT(light_at, facing);
     vfloat attenuation = shadow(p, to_light, distance, front, world) / distance;
     ACTIVE(v_count(front));
     const double *e = world->view->light_emission;

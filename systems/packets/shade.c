@@ -106,7 +106,7 @@ static void add_color(struct worker_scratch *scratch, vmask m, struct vec color,
 struct lighting {
     struct vec point, from_light; // unit, from the light to the point
     vfloat distance, facing, specular;
-    vmask lit;
+    vmask front;
 };
 
 static struct lighting lighting_at(const struct tile_context *context, vmask found, struct vec p,
@@ -120,11 +120,11 @@ static struct lighting lighting_at(const struct tile_context *context, vmask fou
     vfloat square = vec_dot(l, l), per = inverse_sqrt(square, newton);
     struct lighting at = {.point = p, .from_light = vec_scale(l, per), .distance = square * per};
     at.facing = zero - vec_dot(surface->normal, at.from_light);
-    at.lit = v_and(found, v_and(v_cmp_gt(at.facing, zero), v_cmp_gt(square, zero)));
+    at.front = v_and(found, v_and(v_cmp_gt(at.facing, zero), v_cmp_gt(square, zero)));
     at.specular = zero;
     // The paper's R·V: R is the direction from the light, mirrored; V points against the ray.
     vfloat shine = zero - vec_dot(vec_reflect(at.from_light, surface->normal), d);
-    vmask shines = v_and(at.lit, v_cmp_gt(shine, zero));
+    vmask shines = v_and(at.front, v_cmp_gt(shine, zero));
     if (v_any(shines)) {
         vfloat power = v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
         at.specular = v_select_or_zero(shines, v_splat(0.2f) * power);
@@ -132,18 +132,18 @@ static struct lighting lighting_at(const struct tile_context *context, vmask fou
     return at;
 }
 
-// Queues a shadow ray for each lit hit. It adds the light `bright` if nothing blocks it.
+// Queues a shadow ray for each hit that faces the light. It adds the light `bright` if nothing blocks it.
 static void queue_shadow_rays(const struct tile_context *context, const struct lighting *at,
                               struct vec bright, int first) {
     struct worker_scratch *scratch = context->scratch;
     int to = scratch->shadows;
-    pack_vec(at->lit, at->from_light, scratch->shadow_direction, to);
-    pack_vec(at->lit, bright, scratch->shadow_light, to);
+    pack_vec(at->front, at->from_light, scratch->shadow_direction, to);
+    pack_vec(at->front, bright, scratch->shadow_light, to);
     vfloat start = v_splat((float)context->scene->model.march.surface_offset);
-    v_compress_store(at->lit, at->distance - start, scratch->shadow_far + to);
-    v_compress_store(at->lit, v_load(scratch->rays.pixel + first), scratch->shadow_pixel + to);
-    v_compress_store(at->lit, v_load(scratch->shape + first), scratch->shadow_excluded + to);
-    scratch->shadows += v_count(at->lit);
+    v_compress_store(at->front, at->distance - start, scratch->shadow_far + to);
+    v_compress_store(at->front, v_load(scratch->rays.pixel + first), scratch->shadow_pixel + to);
+    v_compress_store(at->front, v_load(scratch->shape + first), scratch->shadow_excluded + to);
+    scratch->shadows += v_count(at->front);
 }
 
 // Rays of a packet.
@@ -216,14 +216,14 @@ static void shade_packet(const struct tile_context *context, int bounce, bool no
         vfloat within = v_splat((float)-model->march.surface_offset);
         struct lighting at = lighting_at(context, found, p, d, &surface);
         color = vec_select(found, vec_scale(surface.color, weight * v_splat(0.01f)), color);
-        if (v_any(at.lit)) {
+        if (v_any(at.front)) {
             struct vec bright =
                 light_sent(&at, surface.color, context->view->light_emission, weight / at.distance);
             if (model->shadows == SHADOWS_NONE) {
-                color = add_where(at.lit, color, bright);
+                color = add_where(at.front, color, bright);
             } else {
                 // A ray that started inside of a solid has its hit in it: no light.
-                at.lit = v_andnot(v_cmp_lt(t, within), at.lit);
+                at.front = v_andnot(v_cmp_lt(t, within), at.front);
                 queue_shadow_rays(context, &at, bright, first);
             }
         }
@@ -276,12 +276,12 @@ static void cast_shadows(const struct tile_context *context) {
         scratch->shadows,
     };
     find_occluded(context->scene, &batch, scratch->shadow_t);
-    const float *const lit[3] = {scratch->shadow_light[0], scratch->shadow_light[1],
-                                 scratch->shadow_light[2]};
+    const float *const bright[3] = {scratch->shadow_light[0], scratch->shadow_light[1],
+                                    scratch->shadow_light[2]};
     for (int i = 0; i < scratch->shadows; i += LANES) {
         vmask open = v_and(v_mask_first(scratch->shadows - i),
                            v_cmp_gt(v_load(scratch->shadow_t + i), v_splat(-INFINITY)));
-        add_color(scratch, open, load_vec(lit, i), scratch->shadow_pixel + i);
+        add_color(scratch, open, load_vec(bright, i), scratch->shadow_pixel + i);
     }
 }
 

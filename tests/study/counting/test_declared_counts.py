@@ -177,7 +177,7 @@ def test_evaluations_are_those_of_primary_rays_and_normals(counted, phase, name)
 def test_shadow_rays_go_where_the_scene_has_them(counted, phase):
     soft, hard, ideal, bare = (counted(phase, name)[0] for name in ("many", "hard", "ideal", "bare"))
     # From opt2 on: only where the surface faces the light.
-    wanted = "facing" if "facing" in soft["by_function"]["light_at"]["parts"] else "lit"
+    wanted = "facing" if "facing" in soft["by_function"]["light_at"]["parts"] else "direction"
     assert calls(soft, "soft_shadow") == calls(soft, "light_at", wanted) > 0
     assert calls(hard, "hard_shadow") == calls(hard, "light_at", wanted) > 0
     assert calls(ideal, "ideal_shadow") == calls(ideal, "light_at", wanted) > 0
@@ -191,14 +191,14 @@ def test_shadow_rays_go_where_the_scene_has_them(counted, phase):
 
 def test_the_baseline_takes_sines_whether_it_turns_or_not(counted):
     made, _ = counted("baseline", "ball")
-    lit, shine = (calls(made, "light_at", part) for part in ("lit", "specular"))
+    lit, shine = (calls(made, "light_at", part) for part in ("direction", "specular"))
     # Six per evaluation, the fog's exp per hit, fmax per lit point, fmax and pow where it shines.
     assert made["by_class"]["call"] == 6 * calls(made, "sdf") + calls(made, "trace", "hit") + lit + 2 * shine
 
 
 def test_opt1_takes_no_sine_and_turns_only_what_is_turned(counted):
     made, _ = counted("opt1", "ball")
-    lit, shine = (calls(made, "light_at", part) for part in ("lit", "specular"))
+    lit, shine = (calls(made, "light_at", part) for part in ("direction", "specular"))
     assert made["by_class"]["call"] == lit + 2 * shine  # a sphere calls nothing: no sine, no exp
     assert calls(made, "apply_transform", "turn") == calls(made, "apply_transform", "wrap") == 0
     assert "rotate_point" not in made["by_function"]
