@@ -148,9 +148,9 @@ def ladder_block(data: Data, rows: pd.DataFrame, exact: pd.DataFrame | None = No
         + " “To a march”: in exact arithmetic, where the run lacks that."
         * ("to a march" in table)
         + " Above 50 dB a few pixels at edges decide, so levels differ with the size."
-        f"{borrowed} Lowest roof: of the roofline model on scene0, "
-        "and the share of it that the phase reaches (L1: traffic of the first-level cache; divider: "
-        "quotients and roots; –: the kernel that ran does less than the code that was counted)."
+        f"{borrowed} Lowest roof: of the roofline model on scene0, and the share that the phase reaches. "
+        "L1: traffic of the first-level cache; divider: quotients and roots; –: the kernel that ran does "
+        "less than the code that was counted."
         + " “To ours”: between the displayed pictures of both." * ratios
         + " Without shadows: on both scenes without shadows and mirrors, beside our fastest phase there."
         * bool(others)
