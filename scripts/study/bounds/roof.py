@@ -19,10 +19,9 @@ from study.bounds.roof_shares import ELEMENT, SHARES, Clocks, Roofs, below, unde
 from study.core import registry, store
 from study.core.cli import StudyError
 from study.core.run_schema import Cpu
-from study.counting import flops, paper_rule
+from study.counting import flops, paper_rule, schema
 from study.counting.counts import Counts
 from study.counting.flops import LIBM_INSIDE, stated_operations
-from study.counting.schema import Counts as Counted
 from study.counting.schema import Measurement, Picture
 from study.numbers import paper
 from study.numbers.analysis import GENERATED, Cell, Data
@@ -35,7 +34,7 @@ P = TypeVar("P", bound=Picture)
 nan = math.nan
 
 
-def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:
+def read(folder: Path, strict: bool = True) -> tuple[schema.Counts, Ceilings | None, list[str]]:
     """A run's counts and ceilings. Unless strict, a file that is not there is empty and named in the notes.
 
     Raises StudyError for a broken file, strict or not.
@@ -154,7 +153,9 @@ def _same(one: Picture, cell: Cell, scene_hash: str | None) -> bool:
     return (one.spec, one.scene) == (cell.spec, cell.scene) and known
 
 
-def _point(cell: Cell, counted: Counted, limits: Ceilings | None, data: Data, stated: Any) -> Point | None:
+def _point(
+    cell: Cell, counted: schema.Counts, limits: Ceilings | None, data: Data, stated: Any
+) -> Point | None:
     """None without counts. `stated`: the paper's figures."""
     cpu, hashes = data.context.cpu, data.frames[data.frames.scene == cell.scene].scene_hash
     scene_hash = str(hashes.iloc[-1]) if len(hashes) else None
@@ -232,7 +233,7 @@ def _apart(cell: Cell) -> bool:
     return generated and not registry.find_scene(cell.scene).fractal
 
 
-def points(data: Data, counted: Counted, limits: Ceilings | None) -> list[Point]:
+def points(data: Data, counted: schema.Counts, limits: Ceilings | None) -> list[Point]:
     """One per timed configuration of one thread that has counts, in the order of the cells."""
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
     made = [

@@ -1,4 +1,4 @@
-"""Any number of runs beside one base: what got slower, what faster, what moved, and what differs."""
+"""Any number of runs beside one base: what got slower or faster, what differs."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""Tab completion of stepwise for a shell: commands, options, phases and scenes by their names.
+"""Tab completion for a shell: commands, options, phases and scenes.
 
 Prints a script for the shell to read: eval "$(scripts/stepwise completion bash)".
 """

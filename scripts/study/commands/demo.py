@@ -1,4 +1,4 @@
-"""One picture by the baseline and by a faster phase: the time of each and the error between them."""
+"""One picture by baseline and by a faster phase: their times, the error between."""
 
 import argparse
 import os

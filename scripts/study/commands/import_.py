@@ -1,4 +1,4 @@
-"""Reads times of google/benchmark, hyperfine and pyperf into runs, or the paper's scene files into scenes.
+"""Reads times of other tools into runs, or the paper's scene files into scenes.
 
 Of JSON files with times each becomes a run, which compare, --history, --export and the report read. A
 sample is google/benchmark's repetition, hyperfine's launch, or pyperf's worker process. Aggregates, warm-ups

@@ -1,4 +1,4 @@
-"""Starts a new phase from another one, with a phase.json and NOTES.md to be filled in.
+"""Starts a phase from another, with a phase.json and NOTES.md to be filled in.
 
 The new phase is derived: its folder holds only the files that differ from the parent's, none at first. From
 an ablation (opt6_wide+awake) it gets the files that the patch changes. With --whole it gets a copy of every

@@ -1,4 +1,4 @@
-"""Contact sheet of all scenes and phases, and heat maps of the evaluations per pixel, from a verified run."""
+"""Contact sheet and heat maps of evaluations per pixel, from a verified run."""
 
 import argparse
 import textwrap

@@ -1,4 +1,4 @@
-"""Pictures that `render` wrote as EXR, as PNG: what the window shows of them (gamma, 8 bits)."""
+"""Makes PNGs of `render`'s EXR pictures, as the window shows them (gamma, 8 bits)."""
 
 import argparse
 from pathlib import Path

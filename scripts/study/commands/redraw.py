@@ -1,4 +1,4 @@
-"""A run's figures drawn again from its files, and sheets of pictures rendered again: nothing is measured."""
+"""Draws a run's figures again from its files, and its sheets of pictures. Nothing is measured."""
 
 import argparse
 from collections.abc import Callable

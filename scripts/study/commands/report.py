@@ -1,4 +1,4 @@
-"""The report of a run: one HTML page that needs no other file, and its tables and figures beside it."""
+"""The report of a run: one HTML page that needs no other file. Its tables and figures stand beside it."""
 
 import argparse
 import dataclasses

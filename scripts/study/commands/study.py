@@ -1,4 +1,4 @@
-"""The main job: build, sweep, verify, draw, report. `make study` calls it after installing what it needs."""
+"""The main job, which `make study` calls: build, sweep, verify, draw, report."""
 
 import argparse
 import math

@@ -1,5 +1,5 @@
-"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's,
-and what became of the papers' claims."""
+"""Tables of a run as CSV, Markdown and JSON. They are: the ladder, runtime, verification, what was
+counted, the paper's, and what became of the papers' claims."""
 
 import argparse
 import dataclasses
@@ -13,8 +13,7 @@ from study.core.registry import ROOT
 from study.core.show import between
 from study.experiments import experiment
 from study.experiments.section import Section
-from study.numbers import accuracy, analysis, ladder
-from study.numbers import columns as ladder_columns
+from study.numbers import accuracy, analysis, columns, ladder
 from study.numbers.analysis import Data
 from study.report import appendix, chapters, published_tables
 
@@ -34,8 +33,8 @@ def ladder_text(rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         lines.append(f"### {show.inert(scene)}, {records[0]['width']}×{records[0]['height']}\n")
-        for part, title in ladder_columns.PARTS:
-            lines += [f"{title}\n", show.markdown(show.table(records, ladder_columns.sized(part, records)))]
+        for part, title in columns.PARTS:
+            lines += [f"{title}\n", show.markdown(show.table(records, columns.sized(part, records)))]
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""Times any programs in turns until their ratios are known: intervals, verdicts, modes, drift."""
+"""Times any programs in turns until their ratios are known."""
 
 import argparse
 import contextlib
@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 
 from study.core import cli, machine, progress, store
-from study.core import run as driver
 from study.core.cli import Outcome, StudyError
 from study.core.host import quotas
+from study.core.run import FASTEST, cpu_set, off
 from study.core.run_schema import End, Plan, Program
 from study.measuring import launcher, programs
 from study.measuring.launcher import Launcher
@@ -108,7 +108,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--ignore-failure", type=codes, nargs="?", default=fine, metavar="CODES", help=about)
     add("--input", type=given, metavar="FILE", help="standard input of the programs; default: none")
     add("--shell", metavar="SHELL", help="none, default (sh), or like 'bash --norc'; see above")
-    add("--cpu", type=cli.at_least(0), default=driver.FASTEST, help="to pin to; default: of a fast core")
+    add("--cpu", type=cli.at_least(0), default=FASTEST, help="to pin to; default: of a fast core")
     add("--threads", type=cli.at_least(1), default=1, help="CPUs to pin to; default: 1")
     add("--seed", type=cli.at_least(0), help="of order and padding; default: random")
     add("--results", type=Path, default=store.RESULTS, metavar="DIR", help="parent of the run's folder")
@@ -288,7 +288,7 @@ def timed(args: argparse.Namespace) -> store.Run:
         raise StudyError("--launches counts, --precision stops by itself; give one of them")
     if args.input and not args.input.is_file():
         raise StudyError(f"{args.input}: no such file for --input")
-    cpus = driver.cpu_set(args.cpu, args.threads)
+    cpus = cpu_set(args.cpu, args.threads)
     how = Launcher(frozenset(cpus or ()), args.shell, args.input, args.ignore_failure, args.time_from)
     plan = Plan(
         programs=asked(args),
@@ -306,7 +306,7 @@ def timed(args: argparse.Namespace) -> store.Run:
         one.sha256 = digest(shutil.which(how.words(one.command)[0]))
     timing = Timing(args, plan, how)
     try:
-        with driver.off(args.cpu):
+        with off(args.cpu):
             timing.warm_up(args.warmup)
             timing.measure()
     except StudyError:

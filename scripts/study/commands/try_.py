@@ -1,4 +1,4 @@
-"""A phase beside its parent within a minute, for its author: speed, error, work, and what changed."""
+"""A phase beside its parent within a minute: speed, error, work, what changed."""
 
 import argparse
 import contextlib
@@ -16,10 +16,10 @@ import numpy as np
 
 from study.bounds import work
 from study.core import cli, patches, registry, show
-from study.core import run as driver
 from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
+from study.core.run import FASTEST, USABLE, DriverError, frames, interleaved, render
 from study.counting import flops
 from study.counting.schema import Declared
 from study.numbers import stats
@@ -119,7 +119,7 @@ def timed_height(both: Sequence[Spec], scene: Scene) -> int:
     least = SIZES[-1]
     slowest = 0
     for spec in both:
-        found = driver.render(spec, scene.path, least, scene.size(least)[0], cpu=driver.FASTEST)
+        found = render(spec, scene.path, least, scene.size(least)[0], cpu=FASTEST)
         slowest = max(slowest, found["frames"][0]["ns"])
     return next((n for n in SIZES if slowest * (n / least) ** 2 <= FRAME * 1e9), least)
 
@@ -130,20 +130,20 @@ def times(
     """Milliseconds of a frame, per launch the median of three. Raises DriverError."""
 
     def once(spec: Spec, padding: int) -> float:
-        width, cpu = scene.size(height)[0], driver.FASTEST
+        width, cpu = scene.size(height)[0], FASTEST
         how = {"cpu": cpu, "threads": threads, "env_bytes": padding}
-        made = driver.frames(spec, scene.path, height, width, **how, reps=3, warmup=1)
+        made = frames(spec, scene.path, height, width, **how, reps=3, warmup=1)
         with contextlib.closing(made):
             return float(np.median([frame["ns"] / 1e6 for frame in made if not frame["warmup"]]))
 
-    return driver.interleaved(both, launches, seed, driver.FASTEST, once, "time")
+    return interleaved(both, launches, seed, FASTEST, once, "time")
 
 
 def counted(spec: Spec, scene: Scene, height: int) -> Declared | None:
     """FLOPs, calls and lanes by the counting build; None, with a word, where that cannot be built or run."""
     try:
         return flops.declared(spec, scene, height)
-    except (StudyError, driver.DriverError) as error:
+    except (StudyError, DriverError) as error:
         cli.say(f"no counts of {spec}: {str(error).splitlines()[0]}")
         return None
 
@@ -203,7 +203,7 @@ def stated_by(name: str) -> str:
 def compared(args: argparse.Namespace) -> Compared:
     both, scene = sides(args.name, args.against), registry.find_scene(args.scene)
     targets = [(spec, target) for spec in both for target in ("render", "render-count")]
-    build_together([*targets, (BASE, "render")], len(driver.USABLE))
+    build_together([*targets, (BASE, "render")], len(USABLE))
     for spec in (*both, BASE):
         build(spec)
     found, same, strip = errors(both, scene, args.n)

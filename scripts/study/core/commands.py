@@ -62,7 +62,7 @@ class Command:
         text = ast.get_docstring(ast.parse(self.path.read_text(encoding="utf-8")))
         if not text:
             raise StudyError(f"{self.path}: its first line must say what the command does")
-        return " ".join(text.split("\n\n")[0].split())
+        return re.split(r"(?<=\.) ", " ".join(text.split("\n\n")[0].split()))[0]
 
     @property
     def module(self) -> str:

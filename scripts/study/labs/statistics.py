@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from scipy.stats import t as student_t
+from scipy import stats
 
 from study.labs.answers import Question
 
@@ -128,9 +128,9 @@ def not_independent(rng: Generator) -> Report:
                 (name, launch, frame, ms) for frame, ms in enumerate(_times(rng, middle, 0.004, frames), 1)
             ]
     means = [np.mean([row[-1] for row in rows if row[:2] == ("new", one)]) for one in range(1, launches + 1)]
-    key = student_t.ppf(0.975, launches - 1) * np.std(means, ddof=1) / np.sqrt(launches)
+    key = stats.t.ppf(0.975, launches - 1) * np.std(means, ddof=1) / np.sqrt(launches)
     mine = _of(rows, "new")
-    half = student_t.ppf(0.975, len(mine) - 1) * mine.std(ddof=1) / np.sqrt(len(mine))
+    half = stats.t.ppf(0.975, len(mine) - 1) * mine.std(ddof=1) / np.sqrt(len(mine))
     text = (
         f"new takes {mine.mean():.3f} ± {half:.3f} ms a frame: the mean of its {len(mine)} frames and their"
     )

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from study.pictures.draw import PASSES, STYLE, plain_log
-from study.report.lessons import Figure as Lesson
+from study.report import lessons
 from study.report.lessons import Panel, Value
 
 WIDTH, ROW, EDGES = 7.5, 0.24, 0.9  # inches: of the figure, of a row, of a panel without its rows
@@ -84,7 +84,7 @@ def _high(panel: Panel) -> float:
     return EDGES + (LINES_HIGH if panel.kind == "lines" else of_row * len(panel.rows))
 
 
-def draw(lesson: Lesson) -> Figure:
+def draw(lesson: lessons.Figure) -> Figure:
     heights = [_high(panel) for panel in lesson.panels]
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.7), layout="constrained", facecolor="white")
     figure.suptitle(f"{lesson.phase}: {lesson.title}", x=0.01, ha="left", fontsize=12, fontweight="bold")
@@ -112,7 +112,7 @@ def draw(lesson: Lesson) -> Figure:
     return figure
 
 
-def svg(lesson: Lesson) -> str:
+def svg(lesson: lessons.Figure) -> str:
     """The same bytes for the same data. matplotlib names a clip path after the last bits of its place."""
     made = io.StringIO()
     with matplotlib.rc_context(STYLE):

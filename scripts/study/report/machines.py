@@ -17,8 +17,8 @@ from study.core.store import RESULTS, Run
 from study.numbers import analysis, beside, columns, history, ladder
 from study.numbers.analysis import Data
 from study.pictures import charts
-from study.pictures import ladder as figures
 from study.pictures.charts import Ratio
+from study.pictures.ladder import truth_text
 from study.pictures.processes import in_processes
 from study.report import facts
 
@@ -32,7 +32,7 @@ def _ratios(machine: str, rows: pd.DataFrame, checked: bool) -> Iterator[Ratio]:
     for scene, group in ladder.ladders(rows).items():
         for row in group.to_dict("records"):
             phase = row["phase"] + (f" ×{row['threads']}" if row["threads"] > 1 else "")
-            size, error = f"{row['width']}×{row['height']}", figures.truth_text(row)
+            size, error = f"{row['width']}×{row['height']}", truth_text(row)
             bases = columns.BASES | {TIMES: ("ms", lambda row: f"{show.interval(row, 'ms')} ms")}
             for base, (name, text) in bases.items():
                 if pd.isna(row[name]) or (name == "speedup" and not checked):

@@ -41,9 +41,12 @@ def test_another_name_is_one_line_with_what_would_be_right(words: list[str], sai
 
 
 def test_pages_made_from_the_code_are_what_it_says() -> None:
-    """`scripts/stepwise docs` writes them again; of the keys of a run's files none is committed."""
+    """`scripts/stepwise docs` writes them again; helps and the keys of a run's files are not committed."""
     made = docs.pages()
-    assert "build/docs/keys/frames.jsonl.md" in made
+    assert {"build/docs/keys/frames.jsonl.md", "build/docs/commands/sweep.md"} <= made.keys()
+    rows = [line for line in made["docs/commands.md"].splitlines() if line.startswith("| `")]
+    assert [row.split("`")[1] for row in rows] == list(commands.find_all())
+    assert max(map(len, rows)) <= 100
     for name in ("docs/commands.md", "results/README.md", "phases/opt9_convex/MAP.md"):
         assert (ROOT / name).read_text(encoding="utf-8") == made[name], f"{name}: write it again"
 

@@ -144,7 +144,7 @@ def test_baseline_compiles_where_its_calls_are_inlined(tmp_path):
 def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
     """Made up: after so many frames the driver shows another picture. The real one does not. A phase that
     draws its first and fourth frame alone is timed by its second to fourth."""
-    render = judge.run_driver
+    render = judge.render
 
     def stale(spec, path, height, width, *, warmup, **words):
         if kept == ("far" if "animation" in words else "near", warmup):
@@ -152,7 +152,7 @@ def test_a_frame_that_is_kept_is_seen(monkeypatch, kept):
             return render(spec, shown, height, width, out=words["out"], timed=False)
         return render(spec, path, height, width, warmup=warmup, **words)
 
-    monkeypatch.setattr(judge, "run_driver", stale)
+    monkeypatch.setattr(judge, "render", stale)
     check = judge.of_views(Spec("opt2", "opt2"), registry.find_scene("scene0"), 36)
     assert check.passed == (kept is None)
 

@@ -191,7 +191,7 @@ def made(added: bool = True, base_ns: float = 10.0, paper: str = "1.3× (x)") ->
     metrics |= {"identical": True, "psnr_db": math.inf, "non_finite": 0}
     judged = {(Spec.parse(who), case): metrics for who in ("baseline", "opt1") for case in (mine, base)}
     times = {mine: [5.0] * 6, base: [base_ns] * 6}
-    return ablations.row(ablation(added, paper), scene, (16, 9), times, judged)
+    return ablations.row_of(ablation(added, paper), scene, (16, 9), times, judged)
 
 
 @pytest.mark.parametrize(("added", "gain"), [(True, 2.0), (False, 0.5)])

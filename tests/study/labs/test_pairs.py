@@ -107,7 +107,7 @@ def test_events_are_judged_where_they_are_counted(monkeypatch, now, passed):
     counts = iter([{"lines": 1000} if now else None, {"lines": now} if now else None])
     monkeypatch.setattr(judge.cachegrind, "counted", lambda *_: next(counts))
     monkeypatch.setattr(judge, "build_together", lambda *_: None)
-    monkeypatch.setattr(judge, "run_driver", lambda *_, **__: None)
+    monkeypatch.setattr(judge, "render", lambda *_, **__: None)
     monkeypatch.setattr(judge.images, "read", lambda _: None)
     monkeypatch.setattr(judge.images, "rgb", lambda _: SimplePicture())
     args = judge.argparse.Namespace(phase="opt2+by_type", untimed=True)
@@ -191,7 +191,7 @@ def test_where_the_scene_is_is_said(judged):
 def test_threads_want_as_many_cpus(monkeypatch):
     monkeypatch.setattr(judge, "USABLE", [0])
     monkeypatch.setattr(judge, "build_together", lambda *_: None)
-    monkeypatch.setattr(judge, "run_driver", lambda *_, **__: None)
+    monkeypatch.setattr(judge, "render", lambda *_, **__: None)
     monkeypatch.setattr(judge.images, "read", lambda _: None)
     monkeypatch.setattr(judge.images, "rgb", lambda _: SimplePicture())
     args = judge.argparse.Namespace(phase="opt2+by_type", untimed=False)

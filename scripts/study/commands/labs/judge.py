@@ -1,4 +1,4 @@
-"""Judges a solution of one of the labs of docs/labs: its picture, its speed-up with interval, and a hint.
+"""Judges a solution of one of docs/labs: picture, speed-up with interval, a hint.
 
 A phase is first run by a build with AddressSanitizer and UndefinedBehaviorSanitizer. Speed is measured
 against the lab's start, interleaved in one run. Of a lab that asks for a scene, the scene's pictures are
@@ -22,8 +22,7 @@ from study.core.build import build, build_together
 from study.core.cli import Outcome, StudyError
 from study.core.host import sandbox
 from study.core.registry import Scene, Spec
-from study.core.run import USABLE
-from study.core.run import render as run_driver
+from study.core.run import USABLE, render
 from study.counting import cachegrind, flops
 from study.counting.schema import Declared
 from study.labs import answers, crowds, memory
@@ -107,7 +106,7 @@ def of_views(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Check:
             size, pictures = (height, scene.size(height)[0]), set()
             for before in range(BEFORE + 1):
                 how = {"warmup": before, "threads": threads, "out": out} | words
-                run_driver(spec, file, *size, timed=False, **how)
+                render(spec, file, *size, timed=False, **how)
                 pictures.add(images.rgb(images.read(out)).tobytes())
             if len(pictures) > 1:
                 wrong.append(title)
@@ -178,7 +177,7 @@ def drawn(both: try_.Sides, scene: Scene, height: int, threads: int = 1) -> bool
     with own_folder() as folder:
         for spec in both:
             out, width = folder / "picture.exr", scene.size(height)[0]
-            run_driver(spec, scene.path, height, width, threads=threads, out=out, timed=False)
+            render(spec, scene.path, height, width, threads=threads, out=out, timed=False)
             shown.append(images.rgb(images.read(out)).tobytes())
     return shown[0] == shown[1]
 

@@ -1,4 +1,4 @@
-"""Ranks students' phases: all are built, verified, and timed in one interleaved run; writes a page.
+"""Ranks students' phases, timed in one interleaved run; writes a page.
 
 FOLDER has a folder a student, with the files of a phase as in phases/NAME. Each is put into phases/ under a
 name of its own while it is judged. It is built and run in a sandbox where bubblewrap works.

@@ -1,4 +1,4 @@
-"""Makes a branch of HEAD for students: labs whose starts are phases of their own, without what solves them.
+"""Makes a branch for students: the labs' starts as phases, no solutions.
 
 Neither the work tree nor the index is touched. The branch has no history of this one. Made again, it gets a
 commit more, so that labs can be opened week by week.

@@ -1,4 +1,4 @@
-"""Packs the project's last commit for its evaluation: one zip, with a MANIFEST of every file's SHA-256.
+"""Packs the last commit for its evaluation: one zip with a MANIFEST of SHA-256.
 
 In it are sources, lock file, image recipe, scenes and published runs, as `git archive` gives them, in one
 folder. One commit gives the same bytes on every day and in every checkout. docs/artifact.md is the guide for

@@ -1,4 +1,4 @@
-"""Pages made from the code: docs/commands.md, the lines of functions in MAP.md, and build/docs/keys/."""
+"""Pages made from the code: docs/commands.md, build/docs/, lines of functions in MAP.md."""
 
 import argparse
 import re
@@ -20,26 +20,31 @@ LINES = re.compile(r"(`(\w+)`, ((?:\w+/)?\w+\.[ch])) \d+–\d+")  # of a functio
 HEAD = """\
 # Commands
 
-`scripts/stepwise NAME` runs a command; `make NAME` installs what is needed and runs an experiment.
-This page is written by `scripts/stepwise docs`. All commands share their
-[exit statuses](exit-statuses.md). Where a command takes RUN, it is the folder of a run. These
-options mean the same in every command that has them:
+`scripts/stepwise NAME` runs a command, and `NAME -h` explains it. `make NAME` installs what is
+needed and runs an experiment. `scripts/stepwise docs` writes this page, and every help below
+`build/docs/commands/`. Commands share their [exit statuses](exit-statuses.md). RUN is the folder of
+a run. These options mean the same in every command that has them:
 """
+TABLES = (
+    ("Experiments, which measure into a run", "| command | what it is | writes |\n| --- | --- | --- |", True),
+    ("Other commands", "| command | what it is |\n| --- | --- |", False),
+)
+
+
+def row(command: Command) -> str:
+    """A command's name, what it is, and what an experiment writes into a run."""
+    made = experiment.find_all().get(command.name)
+    writes = [", ".join(f"`{name}`" for name in made.schemas) if made else ""] if command.experiment else []
+    return " | ".join([f"| `{command.name}`", command.what, *writes]) + " |"
 
 
 def described(command: Command) -> str:
-    """A chapter: what the command is, what it writes, and its help."""
+    """The help of a command."""
     parser = commands.parser_of(command)
     parser.formatter_class = partial(argparse.RawDescriptionHelpFormatter, width=WIDTH - 2)
     text = parser.format_help()
     text = filled(text.partition("\nexit status:")[0].replace(str(ROOT), ".").rstrip())
-    made = experiment.find_all().get(command.name)
-    writes = (
-        f"\nWrites {', '.join(f'`{name}`' for name in made.schemas)} into a run.\n"
-        if made and made.schemas
-        else ""
-    )
-    return f"## {command.name}\n\n{textwrap.fill(command.what, WIDTH)}\n{writes}\n```\n{text}\n```\n"
+    return f"# {command.name}\n\n```\n{text}\n```\n"
 
 
 def filled(text: str) -> str:
@@ -57,7 +62,10 @@ def page() -> str:
     for name, (placeholder, meaning) in commands.OPTIONS.items():
         shown = f"{name} {placeholder}" if placeholder else name
         lines.append(textwrap.fill(f"- `{shown}`: {meaning}.", WIDTH, subsequent_indent="  "))
-    return "\n".join([HEAD, *lines, "", *map(described, commands.find_all().values())])
+    for title, head, kind in TABLES:
+        rows = [row(command) for command in commands.find_all().values() if command.experiment is kind]
+        lines += ["", f"## {title}", "", head, *rows]
+    return "\n".join([HEAD, *lines, ""])
 
 
 def lines_of(name: str, path: Path) -> str:
@@ -91,6 +99,7 @@ def pages(root: Path = ROOT) -> dict[str, str]:
     made = {"docs/commands.md": page(), FILES: between(text, BEGIN, END, f"\n{keys.index()}\n")}
     maps = (page for page in (root / "phases").glob("*/MAP.md") if LINES.search(page.read_text("utf-8")))
     made |= {str(page.relative_to(root)): mapped(page) for page in maps}
+    made |= {f"build/docs/commands/{name}.md": described(one) for name, one in commands.find_all().items()}
     return made | {f"build/docs/keys/{name}.md": keys.page(name, kind) for name, kind in keys.files().items()}
 
 

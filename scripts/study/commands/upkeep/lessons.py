@@ -1,4 +1,4 @@
-"""The figures and tables of the phases' NOTES.md, from published runs. Nothing is measured.
+"""Draws the figures and tables of the phases' NOTES.md from published runs. Nothing is measured.
 
 phases/NAME/lesson.svg, and in NOTES.md the times and the table of the phase's ideas, below their markers."""
 

@@ -1,4 +1,4 @@
-"""Derives the polynomials of phases opt3 (double) and opt4 (float): log, exp and sin on their reduced ranges.
+"""Derives the polynomials of opt3 (double) and opt4 (float): log, exp and sin.
 
 Chebyshev interpolation in 50 digits (mpmath.chebyfit), which is within a factor of about two of the minimax
 error; prints coefficients, highest power first, with the error of the polynomial itself (before rounding in

@@ -1,4 +1,4 @@
-"""A run's folder made small enough to be published: whole for the report, which is tried at the end."""
+"""Makes a run's folder small enough to be published; then tries its report."""
 
 import argparse
 import gzip
@@ -122,7 +122,7 @@ def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[s
     """Makes `folder` whole or not at all: names of its pictures. Raises StudyError."""
     beside = store.writable(folder.parent)
     try:
-        # Of the same name, in a folder of its own beside it: renaming is one step.
+        # The copy has the same name, in a folder of its own beside it: renaming is one step.
         with temporary.folder(beside, ".publish.") as apart:
             made = apart / folder.name
             made.mkdir()

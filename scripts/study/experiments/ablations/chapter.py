@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from study.core import html, registry, show
 from study.core.cli import StudyError
 from study.core.show import Column
-from study.experiments.ablations import ideas
-from study.experiments.ablations import measure as ablations
-from study.experiments.ablations.schema import FILE, SCHEMAS, Ablations, Row
+from study.experiments.ablations import ideas, measure
+from study.experiments.ablations.schema import FILE, IDEAS_FILE, SCHEMAS, Ablations, Row
 from study.experiments.section import Found, Section, part
 from study.numbers import verdicts
 from study.pictures import dots
@@ -51,7 +50,7 @@ STEPS = [
     Column("", "the step's gain [95\u00a0%]", gain),
     OUTCOME,
     Column("", "the paper", lambda r: r.paper.partition(" (")[0]),
-    Column("", "the paper's claim", ablations.said),
+    Column("", "the paper's claim", measure.said),
     Column("error against baseline", "PSNR linear, dB", decibels("psnr_db")),
     Column("error against baseline", "of what it is compared with", decibels("against_psnr_db")),
     Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r.fraction_over_1_255)),
@@ -98,7 +97,7 @@ class Kind:
 
 
 KINDS = (
-    Kind(ideas.FILE, "idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
+    Kind(IDEAS_FILE, "idea", "idea", "Each idea alone, against its phase without it", IDEAS, IDEAS_ABOUT),
     Kind(FILE, "step", "ablation", "Each step alone, against the code without it", STEPS, STEPS_ABOUT),
 )
 

@@ -1,4 +1,4 @@
-"""Single steps of the ladder: gain and error of each, beside what the paper credits to it."""
+"""Gain and error of the ladder's single steps."""
 
 import argparse
 import itertools
@@ -14,8 +14,7 @@ from study.core.registry import Scene, Spec
 from study.core.run import DriverError
 from study.experiments import running
 from study.experiments.ablations import chapter, counted, ideas
-from study.experiments.ablations import measure as ablations
-from study.experiments.ablations.measure import Ablation, Case
+from study.experiments.ablations.measure import Ablation, Case, build_all, error_of, find, row_of, timed
 from study.experiments.ablations.schema import SCHEMAS, Reason, Row
 from study.pictures.gallery import Gallery
 
@@ -58,7 +57,7 @@ class Study:
         for name in args.scene or []:
             ideas.check_scene(name)
         run.cpu_set(args.cpu, 1)
-        self.found, broken = ablations.find(args.phase)
+        self.found, broken = find(args.phase)
         if args.ideas or not args.phase:
             self.found = [one for one in self.found if bool(one.idea) == args.ideas]
         self.failures = [Reason(ablation=name, reason=str(error)) for name, error in broken.items()]
@@ -67,7 +66,7 @@ class Study:
         if lacking := unable[Spec.parse(registry.BASE)]:
             raise StudyError(f"{registry.BASE} cannot run: this CPU lacks {lacking}", cli.CANNOT_RUN)
         self.drop({s: f"this CPU lacks {what}" for s, what in unable.items() if what}, self.skipped)
-        self.drop(ablations.build_all(self.specs(), args.jobs), self.failures)
+        self.drop(build_all(self.specs(), args.jobs), self.failures)
 
     def drop(self, reasons: Mapping[Spec, object], into: list[Reason]) -> None:
         for one in list(self.found):
@@ -114,10 +113,10 @@ class Study:
         for one, scene in pairs:
             for who, spec in itertools.product((one.reference, one.against), (one.against, one.spec)):
                 if (key := (who, (spec, scene.name))) not in metrics:
-                    metrics[key] = ablations.error_of(gallery, who, spec, scene, scene.size(args.n))
+                    metrics[key] = error_of(gallery, who, spec, scene, scene.size(args.n))
         cases = dict.fromkeys((spec, scene.name) for one, scene in pairs for spec in (one.against, one.spec))
-        times = ablations.measure(list(cases), args.n, args.launches, args.seed, args.cpu)
-        return [ablations.row(one, scene, scene.size(args.n), times, metrics) for one, scene in pairs]
+        times = timed(list(cases), args.n, args.launches, args.seed, args.cpu)
+        return [row_of(one, scene, scene.size(args.n), times, metrics) for one, scene in pairs]
 
 
 def measure(args: argparse.Namespace) -> Outcome:

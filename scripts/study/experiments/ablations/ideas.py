@@ -1,8 +1,8 @@
 """The ideas of a phase: what each gains, what it changes in the picture, and how many lines hold it.
 
 An idea is an ablation whose head says `idea` (core.patches): the patch takes that idea out of its phase. All
-ideas together are timed by `stepwise ablations --ideas`, which writes FILE into a run. The report shows all
-rows, and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
+ideas together are timed by `stepwise ablations --ideas`, into a run's ideas.json. The report shows all rows,
+and the lesson of each phase (NOTES.md) has a table of its own, below a marker.
 """
 
 import dataclasses
@@ -15,8 +15,7 @@ from study.core import generated_scenes, patches, registry, show, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene
 from study.experiments.ablations import counted
-from study.experiments.ablations.schema import IDEAS_FILE as FILE
-from study.experiments.ablations.schema import Ideas, Row
+from study.experiments.ablations.schema import IDEAS_FILE, Ideas, Row
 
 REFERENCE = ROOT / "results" / "reference"
 MADE = re.compile(rf"({'|'.join(generated_scenes.ARRANGEMENTS)})-(\d+)")  # scenes made to order
@@ -94,7 +93,7 @@ def published(phase: str, folder: Path = REFERENCE) -> Path | None:
         return re.findall(r"\d{4}-\d\d-\d\d", run.name), run.name
 
     for run in sorted(folder.glob("*"), key=date, reverse=True):
-        result = Ideas.load_if_there(run / FILE)
+        result = Ideas.load_if_there(run / IDEAS_FILE)
         if result and wanted <= {row.ablation for row in result.rows}:
             return run
     return None
@@ -110,7 +109,7 @@ def table(phase: str, run: Path | None) -> list[str]:
     about = "Each idea taken out alone: time without it over time with it (`stepwise ablations --ideas`"
     rows: dict[tuple[str, str], Row] = {}
     if run:
-        result = Ideas.load(run / FILE)
+        result = Ideas.load(run / IDEAS_FILE)
         rows = {(row.ablation, row.scene): row for row in result.rows}
         known = result.context and result.context.cpu and result.context.cpu.microarchitecture
         cpu = f"{known}, " if known else ""

@@ -17,7 +17,7 @@ from study.core.cli import StudyError
 from study.core.registry import ROOT, Scene, Spec
 from study.experiments.ablations import ideas
 from study.experiments.ablations.schema import Row
-from study.measuring import launches as launched
+from study.measuring.launches import milliseconds
 from study.numbers import stats, verdicts
 from study.numbers.schema import Interval
 from study.pictures import gate, images
@@ -116,14 +116,12 @@ def build_all(specs: Sequence[Spec], jobs: int) -> dict[Spec, StudyError]:
     return failed
 
 
-def measure(
-    cases: Sequence[Case], height: int, launches: int, seed: int, cpu: int
-) -> dict[Case, list[float]]:
+def timed(cases: Sequence[Case], height: int, launches: int, seed: int, cpu: int) -> dict[Case, list[float]]:
     """Milliseconds of one frame per process launch, every case once a round in random order."""
 
     def once(case: Case, padding: int) -> float:
         scene = ideas.find_scene(case[1])
-        return launched.milliseconds(case[0], scene, scene.size(height), 1, padding, cpu=cpu, warmup=0)
+        return milliseconds(case[0], scene, scene.size(height), 1, padding, cpu=cpu, warmup=0)
 
     return run.interleaved(cases, launches, seed, cpu, once)
 
@@ -146,7 +144,7 @@ def judge(ablation: Ablation, scene: Scene, metrics: dict[str, Any]) -> tuple[st
     return ("identical" if metrics["identical"] else "within"), {}
 
 
-def row(
+def row_of(
     ablation: Ablation,
     scene: Scene,
     size: Size,

@@ -1,4 +1,4 @@
-"""Error of every phase to truth, per scene: hits, shapes, distances, normals, shadows, colours, and where."""
+"""Error of every phase to the exact picture, scene by scene."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""The frames of an animated scene by one phase, as pictures: all, or a share on each of many machines."""
+"""Renders an animated scene's frames, here or on many machines."""
 
 from __future__ import annotations
 

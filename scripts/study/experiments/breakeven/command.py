@@ -1,4 +1,4 @@
-"""When a kernel generated for a scene has paid for its compilation: frames, against its parent's time."""
+"""After how many frames a generated kernel has paid for itself."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.breakeven import measure as breakeven
 from study.experiments.breakeven import tables
+from study.experiments.breakeven.measure import AGAINST, PHASE, Settings, scenes, study
 from study.experiments.breakeven.schema import Breakeven
 from study.measuring import hit_tables
 
@@ -24,9 +24,9 @@ SECONDS = 90
 
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--phase", default=breakeven.PHASE, metavar="PHASE", help="default: %(default)s")
-    add("--against", default=breakeven.AGAINST, metavar="PHASE", help="default: %(default)s")
-    add("--scene", nargs="+", default=breakeven.scenes(), metavar="SCENE", help="default: all with a kernel")
+    add("--phase", default=PHASE, metavar="PHASE", help="default: %(default)s")
+    add("--against", default=AGAINST, metavar="PHASE", help="default: %(default)s")
+    add("--scene", nargs="+", default=scenes(), metavar="SCENE", help="default: all with a kernel")
     running.height(parser, 720, least=1)
     running.budget(parser, SECONDS)
     running.options(parser, FILE, "breakeven")
@@ -34,7 +34,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Outcome:
     specs = Spec.parse(args.against), Spec.parse(args.phase)
-    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
+    chosen = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     for spec in specs:
         if lacking := registry.missing_isa(spec):
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
@@ -43,8 +43,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, FILE)
     for spec in specs:
         build(spec)
-    settings = breakeven.Settings(args.n, args.launches, args.budget, args.seed)
-    rows, left_out = breakeven.study(specs, scenes, settings)
+    settings = Settings(args.n, args.launches, args.budget, args.seed)
+    rows, left_out = study(specs, chosen, settings)
     result = Breakeven(
         **running.about(args),
         seconds=args.budget,

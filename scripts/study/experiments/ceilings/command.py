@@ -1,5 +1,5 @@
-"""Measures what one core can do at best (arithmetic, bandwidth) and keeps it with a run: five seconds, half
-a minute where it is disturbed."""
+"""Measures what one core can do at best: arithmetic and bandwidth. That takes five seconds, half a
+minute where it is disturbed."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from study.core import cli, store
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
-from study.experiments.farm import measure as farm
+from study.experiments.farm.measure import able, drive, find_python, join, plan, units
 from study.experiments.farm.schema import FILE, Farm
 
 DESCRIPTION = """\
@@ -20,7 +20,7 @@ STATUSES = {1: "a check of the experiment failed", 3: "no Dask, or no worker"}
 
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    names = list(farm.able())
+    names = list(able())
     add("experiment", choices=names, metavar="EXPERIMENT", help=f"of {', '.join(names)}")
     many = parser.add_mutually_exclusive_group(required=True)
     many.add_argument("--workers", type=cli.at_least(1), metavar="N", help="N processes of this machine")
@@ -35,17 +35,17 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Outcome:
-    words, most = args.arguments, farm.units(args.experiment, args.arguments)
+    words, most = args.arguments, units(args.experiment, args.arguments)
     count = args.shards or most
     if count > most:
         raise StudyError(f"--shards {count}: must be at most {most}, the number of units of work")
-    python = farm.find_python(args.install)
+    python = find_python(args.install)
     folder = running.folder(args, FILE)
-    told = farm.plan(args.experiment, words, count, folder, args.workers, args.scheduler)
-    found = farm.drive(python, told)
+    told = plan(args.experiment, words, count, folder, args.workers, args.scheduler)
+    found = drive(python, told)
     about = {"experiment": args.experiment, "arguments": words, "shards": count}
     result = Farm(schema=1, **about, workers=found.workers, seconds=found.seconds)
     store.write_json(folder / FILE, cli.plain(result))
     lines = [f"worker {one.name}: {one.shards} of {count} shards" for one in result.workers]
-    lines += farm.join(args.experiment, folder, count)
+    lines += join(args.experiment, folder, count)
     return Outcome(result, lines, folder, failed=[line.removeprefix("FAIL ") for line in found.failed])

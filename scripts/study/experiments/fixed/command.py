@@ -1,4 +1,4 @@
-"""Rays in integers against the same in floats: bits of fraction, lanes, cleared blocks, an animation."""
+"""Rays in integers against the same rays in floats."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import argparse
 from study.core import cli
 from study.core.cli import Outcome
 from study.experiments import running
-from study.experiments.fixed import measure as fixed
 from study.experiments.fixed import tables
+from study.experiments.fixed.measure import study
 from study.experiments.fixed.schema import FILE, Fixed
 from study.measuring import hit_tables
 
@@ -32,7 +32,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, FILE)
-    found = fixed.study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed)
+    found = study(args.n, args.sizes, args.frames, args.frame_n, args.launches, args.seed)
     result = Fixed(**running.about(args), **found)
     named = [*((row.case, row) for row in result.rows), *((row.settings, row) for row in result.sweep)]
     named += [(f"clear={row.clear}, height {row.n}", row) for row in result.clearing]

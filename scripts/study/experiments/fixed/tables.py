@@ -6,7 +6,7 @@ from pathlib import Path
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.fixed import measure as fixed
+from study.experiments.fixed import measure
 from study.experiments.fixed.schema import FILE, Fixed, Moving, Row
 from study.experiments.section import Claim, Part, System, part
 from study.measuring import animations
@@ -71,7 +71,7 @@ ANIMATION = [
     Column("", "cores", lambda r: str(r.threads)),
     *animations.FRAMES,
     Column(
-        "", "pixels per core and second, × the article's", lambda r: _times(per_article(r, fixed.ARTICLE))
+        "", "pixels per core and second, × the article's", lambda r: _times(per_article(r, measure.ARTICLE))
     ),
 ]
 NOTE = (

@@ -1,12 +1,12 @@
-"""Frames a second and error along a camera's path, by rods, packets and the ladder; or of still scenes."""
+"""Frames a second and error along a camera's path."""
 
 import argparse
 
 from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
-from study.experiments.flight import measure as flight
 from study.experiments.flight import tables, throttle
+from study.experiments.flight.measure import ARTICLE, FASTEST, Settings, find, fly, scenes
 from study.experiments.flight.schema import FILE, THROTTLE, Flight, Throttle
 from study.measuring import hit_tables
 
@@ -28,8 +28,8 @@ STATUSES = {
 
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(flight.scenes())}; all that rest")
-    add("--phase", default=flight.FASTEST, metavar="PHASE", help="of the ladder; default: %(default)s")
+    add("--scene", nargs="+", metavar="SCENE", help=f"default: {', '.join(scenes())}; all that rest")
+    add("--phase", default=FASTEST, metavar="PHASE", help="of the ladder; default: %(default)s")
     add("--places", type=cli.at_least(1), default=6, metavar="K", help="along the path; default: 6")
     number = cli.at_least(0, float)
     about = "that the throttle's choice has to truth, at least; default: 40"
@@ -46,18 +46,18 @@ def measure(args: argparse.Namespace) -> Outcome:
     for name in (throttle.PHASE, args.phase):
         if lacking := registry.missing_isa(registry.find_phase(name)):
             raise StudyError(f"{name} needs {' '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
-    return rest(args) if args.still else fly(args)
+    return rest(args) if args.still else moving(args)
 
 
-def fly(args: argparse.Namespace) -> Outcome:
+def moving(args: argparse.Namespace) -> Outcome:
     """flight.json."""
     folder = running.folder(args, FILE)
-    scenes = [flight.find(name) for name in dict.fromkeys(args.scene or flight.scenes())]
+    chosen = [find(name) for name in dict.fromkeys(args.scene or scenes())]
     how = (args.n or 180, args.places, args.launches, args.seed, args.psnr, args.wrong, args.phase)
     with temporary.folder() as scratch:
-        rows = [flight.fly(scene, flight.Settings(*how), scratch) for scene in scenes]
+        rows = [fly(scene, Settings(*how), scratch) for scene in chosen]
     allowed = {"psnr_db": args.psnr, "wrong_ppm": args.wrong}
-    result = Flight(**running.about(args), **allowed, article=flight.ARTICLE, rows=rows)
+    result = Flight(**running.about(args), **allowed, article=ARTICLE, rows=rows)
     places = [(f"{row.scene} at {place.seconds:g} s by", place) for row in rows for place in row.places]
     ways = [(f"{name} {way.phase}", way) for name, place in places for way in place.ways]
     failed, made = hit_tables.not_finite(ways), tables.found(result)
@@ -67,10 +67,10 @@ def fly(args: argparse.Namespace) -> Outcome:
 def rest(args: argparse.Namespace) -> Outcome:
     """throttle.json."""
     folder = running.folder(args, THROTTLE)
-    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    chosen = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     wanted = throttle.settings()
     rows = []
-    for scene in scenes:
+    for scene in chosen:
         cli.doing(f"{scene.name}: {len(wanted)} settings")
         how = (args.psnr, args.wrong, args.launches, args.seed)
         rows.append(throttle.choose(scene, args.n or 90, *how, wanted, args.large))

@@ -1,4 +1,4 @@
-"""FLOPs by the paper's method (Table 1), and declared × counted against what a back end measures."""
+"""FLOPs by the paper's method: declared and counted. Table 1 stands beside what a back end measures."""
 
 import argparse
 import itertools
@@ -95,7 +95,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     counted = [pair for pair in chosen if registry.find_phase(pair[0].phase).file("costs.def").is_file()]
     calls = [partial(flops.declared, *pair, height) for pair in counted]
     stated = in_parallel(calls, args.jobs, "count")
-    # Of a phase that declares nothing, what the blocks executed stands for its FLOPs.
+    # A phase that declares nothing has what the blocks executed for its FLOPs.
     wanted = chosen if args.measure else [pair for pair in chosen if pair not in able and not args.validate]
     work = [partial(flops.measure, backend, *pair, height) for pair in wanted if not lacking]
     made = in_parallel(work, args.jobs, "measure")

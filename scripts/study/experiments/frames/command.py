@@ -1,12 +1,12 @@
-"""Frames a second on every core, gamma and 8 bits included: median, spread, error."""
+"""Displayed frames a second on every core: median, spread, error."""
 
 import argparse
 
 from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome
 from study.experiments import running
-from study.experiments.frames import measure as frames
 from study.experiments.frames import tables
+from study.experiments.frames.measure import HEIGHTS, Settings, cases, study, threaded
 from study.experiments.frames.schema import FILE, Frames
 
 DESCRIPTION = """\
@@ -19,7 +19,7 @@ STATUSES = {cli.FAILED: "a picture has samples that are not finite, or is displa
 def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--phase", nargs="+", metavar="PHASE", help="default: every phase with threads")
-    add("--scene", nargs="+", default=list(frames.HEIGHTS), metavar="SCENE", help="default: %(default)s")
+    add("--scene", nargs="+", default=list(HEIGHTS), metavar="SCENE", help="default: %(default)s")
     add("-n", type=cli.at_least(16), metavar="HEIGHT", help="height; default: 1080 and 720")
     add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs")
     running.budget(parser, SECONDS)
@@ -28,11 +28,11 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, FILE)
-    specs = frames.threaded(args.phase)
-    wanted = frames.cases(args.scene, registry.ROOT / "build" / "frames" / "scenes", args.n)
+    specs = threaded(args.phase)
+    wanted = cases(args.scene, registry.ROOT / "build" / "frames" / "scenes", args.n)
     with temporary.folder() as scratch:
-        settings = frames.Settings(args.launches, args.threads, args.seed, args.budget, scratch)
-        found = frames.study(specs, wanted, settings)
+        settings = Settings(args.launches, args.threads, args.seed, args.budget, scratch)
+        found = study(specs, wanted, settings)
     result = Frames(**running.about(args), threads=args.threads, seconds=args.budget, **found)
     bad = [
         f"{row.phase} on {row.scene}: {row.non_finite} samples not finite, "

@@ -1,4 +1,4 @@
-"""Speed against error of sqrt, 1/sqrt, exp, log, pow, sin, cos, atan2, acos and of vector normalisation."""
+"""Speed against error of roots, exp, log, pow and trigonometry."""
 
 import argparse
 import os
@@ -9,7 +9,7 @@ from study.core import cli, run, show, store
 from study.core.cli import Outcome
 from study.experiments import running
 from study.experiments.functions import coefficients, figures, tables
-from study.experiments.functions import measure as functions
+from study.experiments.functions.measure import QUICK_ROUNDS, QUICK_VECTORS, ROUNDS, study, wrong
 from study.experiments.functions.schema import FILE
 from study.measuring.function_bench import VECTORS
 
@@ -22,7 +22,7 @@ STATUSES = {1: "an implementation gave no number within its range"}
 def options(parser: argparse.ArgumentParser) -> None:
     add, one = parser.add_argument, cli.at_least(1)
     add("--quick", action="store_true", help="one float in thousands, few rounds, small arrays")
-    add("--rounds", type=one, help=f"of timing; default: {functions.ROUNDS}")
+    add("--rounds", type=one, help=f"of timing; default: {ROUNDS}")
     add("--vectors", type=cli.at_least(1024), help=f"to normalise at most; default: {VECTORS}")
     jobs = len(os.sched_getaffinity(0))
     add("--jobs", type=one, default=jobs, help="threads of the error search; default: all CPUs")
@@ -39,12 +39,12 @@ def measure(args: argparse.Namespace) -> Outcome:
         return Outcome({"file": coefficients.FILE}, [coefficients.FILE])
     run.cpu_set(args.cpu, 1)  # says so if there is none such
     folder = running.folder(args, FILE)
-    rounds, vectors = functions.ROUNDS, VECTORS
+    rounds, vectors = ROUNDS, VECTORS
     if args.quick:
-        rounds, vectors = functions.QUICK_ROUNDS, functions.QUICK_VECTORS
+        rounds, vectors = QUICK_ROUNDS, QUICK_VECTORS
     how = (args.rounds or rounds, args.vectors or vectors, args.jobs, args.seed, args.cpu)
-    result = functions.study(args.quick, *how)
+    result = study(args.quick, *how)
     store.write_json(folder / FILE, result)
     table = show.markdown(show.table(tables.fronts(result), tables.ON_FRONTS))
     drawn = running.draw(folder, figures.drawings(result))
-    return Outcome(result, [table, *drawn], folder, failed=functions.wrong(result.entries))
+    return Outcome(result, [table, *drawn], folder, failed=wrong(result.entries))

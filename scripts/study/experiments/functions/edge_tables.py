@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from study.core.show import Column
-from study.experiments.functions import measure as functions
+from study.experiments.functions import measure
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES
 from study.experiments.section import Part, part
@@ -15,7 +15,7 @@ from study.experiments.section import Part, part
 AGREES, ASKED = "·", "asked for"
 # Functions of one table: those that are asked for the same inputs.
 TABLES = {
-    "functions-edges": [name for name in functions.FUNCTIONS if name not in ("pow", "atan2")],
+    "functions-edges": [name for name in measure.FUNCTIONS if name not in ("pow", "atan2")],
     "functions-edges-pow": ["pow"],
     "functions-edges-atan2": ["atan2"],
 }

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from study.core import show
-from study.experiments.functions import measure as functions
+from study.experiments.functions import measure
 from study.experiments.functions.schema import Entry, Functions
 from study.experiments.functions.tables import TITLES, judged
 from study.pictures import draw
@@ -23,7 +23,7 @@ SIZES = {"scalar": 22, "SSE": 34, "NEON": 34, "AVX2": 52, "AVX-512": 80}
 
 
 def _panel(axes: Axes, rows: Sequence[Entry], title: str, time: str) -> None:
-    front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r.ulp)
+    front = sorted((r for r in rows if measure.on_front(r, rows, time)), key=lambda r: r.ulp)
     for row in rows:
         colour, marker = LOOKS[row.family]
         filled = row in front
@@ -50,7 +50,7 @@ def figure(result: Functions, precision: str, time: str = "stream_ns") -> Figure
     grid = made.subplots(3, 3)
     about = f"Functions in {precision}, {TIMES[time].partition(', ')[2]}: left is more exact, down is faster"
     made.suptitle(about, x=0.01, ha="left", fontsize=12)
-    for axes, function in zip(grid.flat, functions.FUNCTIONS, strict=True):
+    for axes, function in zip(grid.flat, measure.FUNCTIONS, strict=True):
         rows = judged(result.entries, (function, precision), time)
         if not rows:
             axes.set_axis_off()
@@ -61,7 +61,7 @@ def figure(result: Functions, precision: str, time: str = "stream_ns") -> Figure
         axes.set_xlabel("largest error, ulp")
     for axes in grid[:, 0]:
         axes.set_ylabel(TIMES[time])
-    seen = [r for f in functions.FUNCTIONS for r in judged(result.entries, (f, precision), time)]
+    seen = [r for f in measure.FUNCTIONS for r in judged(result.entries, (f, precision), time)]
     marks = [
         Line2D([], [], color=c, marker=m, linestyle="none", label=name)
         for name, (c, m) in LOOKS.items()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.functions import measure as functions
+from study.experiments.functions import measure
 from study.experiments.functions.schema import Entry, Functions
 
 TITLES = {"rsqrt": "1/√x", "sqrt": "√x", "pow": "xʸ", "exp": "eˣ", "log": "ln x", "atan2": "atan2(y, x)"}
@@ -30,13 +30,13 @@ def fronts(result: Functions) -> list[OnFront]:
     """The fronts of every function and precision, and libm beside them."""
     made = []
     for precision in ("float", "double"):
-        for function in functions.FUNCTIONS:
+        for function in measure.FUNCTIONS:
             rows = {time: judged(result.entries, (function, precision), time) for time in FRONTS}
             for row in next(iter(rows.values())):
                 on = [
                     word
                     for time, word in FRONTS.items()
-                    if row in rows[time] and functions.on_front(row, rows[time], time)
+                    if row in rows[time] and measure.on_front(row, rows[time], time)
                 ]
                 if on or row.family == "libm":
                     made.append(OnFront(**show.cells(row), fronts=on))

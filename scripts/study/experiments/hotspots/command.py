@@ -1,4 +1,4 @@
-"""Which functions take the time (Tables 2 and 4) and what bounds them (Table 3), beside the paper's."""
+"""Which functions take the time, and what bounds each of them. Tables 2 to 4 stand beside the paper's."""
 
 import argparse
 import functools

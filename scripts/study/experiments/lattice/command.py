@@ -1,4 +1,4 @@
-"""CPU-RTRM's scene by every phase of the ladder: time, error to truth, beside that program's own figures."""
+"""CPU-RTRM's scene by every phase, beside that program's own figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's own program beside this project's phases: fetched, built and timed on this machine."""
+"""The paper's own program, built and timed beside our phases."""
 
 from __future__ import annotations
 

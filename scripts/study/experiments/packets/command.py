@@ -1,12 +1,12 @@
-"""The packet ray tracer: rays a second beside Embree on the same rays, and against sphere tracing."""
+"""The packet ray tracer beside Embree and against sphere tracing."""
 
 import argparse
 
 from study.core import cli, registry, store
 from study.core.cli import Outcome
 from study.experiments import running
-from study.experiments.packets import measure as packets
 from study.experiments.packets import tables
+from study.experiments.packets.measure import ARTICLE, normalised, study
 from study.experiments.packets.schema import FILE, Packets
 from study.measuring.function_bench import VECTORS
 
@@ -29,9 +29,8 @@ def options(parser: argparse.ArgumentParser) -> None:
 def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, FILE)
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
-    found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
-    normalised = packets.normalised(args.vectors, args.seed)
-    about = running.about(args) | {"reps": args.reps, "article": packets.ARTICLE}
-    result = Packets(**about, **found, normalise=normalised)
+    found = study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
+    about = running.about(args) | {"reps": args.reps, "article": ARTICLE}
+    result = Packets(**about, **found, normalise=normalised(args.vectors, args.seed))
     drawn, failed = tables.drawings(result), tables.faults(result)
     return running.end(folder / FILE, result, tables.parts(result), drawn, failed=failed)

@@ -12,7 +12,7 @@ from msgspec.structs import asdict
 
 from study.core import machine, registry, run
 from study.core.registry import Scene, find_phase
-from study.experiments.packets import scenes
+from study.experiments.packets import scenes, schema
 from study.experiments.packets.schema import (
     Agreement,
     Article,
@@ -23,8 +23,6 @@ from study.experiments.packets.schema import (
     Threads,
     Variant,
 )
-from study.experiments.packets.schema import Rays as Row
-from study.experiments.packets.schema import Scene as SceneRow
 from study.measuring import function_bench, hits, launches, rays
 from study.measuring.rays import KINDS, Rays, Record
 from study.numbers import stats
@@ -104,7 +102,7 @@ def beside_embree(ours: Sequence[Record], count: int) -> dict[str, Any]:
     return found
 
 
-def of_rays(scene: Scene, wanted: Rays, kind: str, count: int, reps: int, seed: int) -> Row:
+def of_rays(scene: Scene, wanted: Rays, kind: str, count: int, reps: int, seed: int) -> schema.Rays:
     """Every variant on the same rays, launches interleaved; Embree by turns with ours in each of ours."""
     names = [name for name, (_, limit) in VARIANTS.items() if able(limit)]
     records: dict[str, list[Record]] = {name: [] for name in names}
@@ -122,7 +120,7 @@ def of_rays(scene: Scene, wanted: Rays, kind: str, count: int, reps: int, seed: 
     t, own = met[NEWTON][0][:, 0], met[OWN][0][:, 0]
     both = np.isfinite(t) & np.isfinite(own)
     off = np.abs(t[both].astype(float) - own[both])
-    return Row(
+    return schema.Rays(
         scene=scene.name,
         kind=kind,
         rays=len(wanted),
@@ -166,7 +164,7 @@ def chosen(tried: Sequence[Limits], target: float, milliseconds: Callable[[Limit
     return min(able, key=milliseconds) if len(able) > 1 else able[0]
 
 
-def equal_error(scene: Scene, n: int, threads: Sequence[int], count: int, seed: int) -> SceneRow:
+def equal_error(scene: Scene, n: int, threads: Sequence[int], count: int, seed: int) -> schema.Scene:
     """Times of packets and of the marching phases, each by the hit distance and the cap of steps with which
     it is fastest among those that reach packets' PSNR, or 80 dB; `reached`: whether any does."""
     size = scene.size(n)
@@ -204,7 +202,7 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], count: int, seed: 
         wanted = own.psnr_db if phase == "packets" else target
         is_reached = phase == "packets" or reached(row, target)
         rows.append(Drawn(phase=phase, target_db=wanted, reached=is_reached, threads=timed, **asdict(row)))
-    return SceneRow(scene=scene.name, width=size[0], n=n, rows=rows)
+    return schema.Scene(scene=scene.name, width=size[0], n=n, rows=rows)
 
 
 def normalised(vectors: int, seed: int) -> list[Normalise]:

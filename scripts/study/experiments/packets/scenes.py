@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from study.core import generated_scenes as generated
-from study.core import store
+from study.core import generated_scenes, store
 from study.core.registry import Scene, find_scene
 
 MANY = 4096
@@ -23,10 +22,10 @@ def balls() -> dict[str, Any]:
 
 def many(count: int = MANY, seed: int = 1) -> dict[str, Any]:
     """`count` equal spheres, even over the picture and in depth, which cover generated.COVERAGE of it."""
-    places = [(*place[:3], 1.0, "sphere") for place in generated.placed("scattered", count, seed)]
-    rays = generated.rays(*generated.RAYS)
-    radius = generated.quantile(generated.least_gauge(places, rays), generated.COVERAGE)
-    data = generated.data("scattered", 1, seed)
+    places = [(*place[:3], 1.0, "sphere") for place in generated_scenes.placed("scattered", count, seed)]
+    rays = generated_scenes.rays(*generated_scenes.RAYS)
+    radius = generated_scenes.quantile(generated_scenes.least_gauge(places, rays), generated_scenes.COVERAGE)
+    data = generated_scenes.data("scattered", 1, seed)
     names = list(data["materials"])
     data["materials"][names[0]]["reflectivity"] = 0.5
     data["light"]["shadows"] = "hard"

@@ -1,4 +1,4 @@
-"""Speed against error: each phase over hit distance × step cap × approximations, and the front."""
+"""Speed against error over hit distance, step cap and approximations."""
 
 import argparse
 import time
@@ -9,7 +9,7 @@ from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.experiments import running
 from study.experiments.pareto import fronts, tables
-from study.experiments.pareto import measure as measuring
+from study.experiments.pareto.measure import HIT_DISTANCES, STEPS, SWITCHES, grid, study_scene
 from study.experiments.pareto.schema import FILE, Pareto
 from study.measuring import hit_tables
 from study.numbers.schema import Skipped
@@ -30,14 +30,14 @@ STATUSES = {1: "a picture has samples that are not finite"}
 def options(parser: argparse.ArgumentParser) -> None:
     add, whole = parser.add_argument, cli.at_least(1)
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
-    switches = [name for name in measuring.SWITCHES if name.partition("+")[0] in ladder]
+    switches = [name for name in SWITCHES if name.partition("+")[0] in ladder]
     about = "default: the ladder, and the ablations that switch an approximation"
     add("--phase", nargs="+", default=ladder + switches, metavar="PHASE", help=about)
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="SCENE", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
     near = cli.at_least(1e-9, float)
-    add("--hit-distance", nargs="+", type=near, default=list(measuring.HIT_DISTANCES), help=about)
-    add("--max-steps", nargs="+", type=whole, default=list(measuring.STEPS), help=about)
+    add("--hit-distance", nargs="+", type=near, default=list(HIT_DISTANCES), help=about)
+    add("--max-steps", nargs="+", type=whole, default=list(STEPS), help=about)
     add("-n", type=whole, default=64, metavar="HEIGHT", help="height in pixels; default: 64")
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
     add("--antialias-n", type=whole, metavar="HEIGHT", help=about)
@@ -54,9 +54,9 @@ def measured(
     with temporary.folder() as scratch:
         for scene in scenes:
             begun = time.monotonic()
-            points = measuring.grid(scene, specs, args.hit_distance, args.max_steps)
+            points = grid(scene, specs, args.hit_distance, args.max_steps)
             settings = size, args.launches, args.seed, args.cpu
-            found, missing = measuring.study_scene(scene, points, *settings, scratch)
+            found, missing = study_scene(scene, points, *settings, scratch)
             result.rows += found
             result.skipped += missing
             result.seconds[scene.name] = round(time.monotonic() - begun, 1)

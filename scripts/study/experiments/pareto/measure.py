@@ -20,7 +20,7 @@ from study.core.registry import BASE, Scene, Spec
 from study.core.run import DriverError
 from study.experiments.pareto.fronts import MEASURES, WITHIN
 from study.experiments.pareto.schema import TRUTHS, Row
-from study.measuring import launches as launched
+from study.measuring.launches import milliseconds
 from study.numbers import stats
 from study.numbers.schema import Interval, Skipped
 from study.pictures import images
@@ -150,7 +150,7 @@ def measure(
 
     def once(point: Point, padding: int) -> float:
         how = {"cpu": cpu, "warmup": int(point in warm), **point.march}
-        return launched.milliseconds(point.spec, scene, scene.size(height), 1, padding, **how)
+        return milliseconds(point.spec, scene, scene.size(height), 1, padding, **how)
 
     return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
 

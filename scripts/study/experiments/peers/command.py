@@ -1,4 +1,4 @@
-"""Our phases beside what one would use instead: time and error to ground truth, in one interleaved run."""
+"""Our phases beside other renderers: time and error in one run."""
 
 import argparse
 
@@ -7,8 +7,8 @@ from study.core.build import build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.peers import measure as peers
 from study.experiments.peers import peer, tables
+from study.experiments.peers.measure import PHASES, Measuring, plain, points
 from study.experiments.peers.peer import Peer
 from study.numbers.beside import PEERS, Peers, Program
 from study.numbers.schema import Skipped
@@ -25,7 +25,7 @@ STATUSES = {cli.FAILED: "a picture is wrong", cli.CANNOT_RUN: "none of the other
 def options(parser: argparse.ArgumentParser) -> None:
     add, every = parser.add_argument, list(peer.find_all())
     add("--peer", nargs="+", choices=every, metavar="PEER", help=f"default: all, {', '.join(every)}")
-    add("--phase", nargs="+", metavar="PHASE", help=f"of ours; default: {', '.join(peers.PHASES)}")
+    add("--phase", nargs="+", metavar="PHASE", help=f"of ours; default: {', '.join(PHASES)}")
     names = sorted({scene for one in peer.find_all().values() for scene in one.least_db})
     about = f"default: {', '.join(names)}"
     add("--scene", nargs="+", default=names, choices=names, metavar="SCENE", help=about)
@@ -62,23 +62,23 @@ def measure(args: argparse.Namespace) -> Outcome:
     threads = args.threads or [1, len(run.USABLE)]
     if max(threads) > len(run.USABLE):
         raise StudyError(f"--threads {max(threads)}: there are {len(run.USABLE)} CPUs")
-    scenes = {name: peers.plain(name, peer.HOME / "scenes") for name in args.scene}
-    specs = [Spec.parse(name) for name in dict.fromkeys(args.phase or peers.PHASES)]
+    scenes = {name: plain(name, peer.HOME / "scenes") for name in args.scene}
+    specs = [Spec.parse(name) for name in dict.fromkeys(args.phase or PHASES)]
     specs = [spec for spec in specs if registry.cpu_supports(spec)]
     able, out = others(args)
     for one in out:
         cli.say(f"left out: {one.phase}: {one.reason}")
-    points = peers.points(specs, able, scenes, threads)
-    if not points:
+    planned = points(specs, able, scenes, threads)
+    if not planned:
         what = "draws these scenes" if able else "is here; --install gets what it can"
         raise StudyError(f"none of the other programs {what}", cli.CANNOT_RUN)
-    for program in dict.fromkeys(point.program for point in points if point.program not in able):
+    for program in dict.fromkeys(point.program for point in planned if point.program not in able):
         build(program)
-    work = peers.Measuring(able, scenes, args.n, args.cpu)
-    told, failed = work.judged(points, args.error_n)
-    points = [point for point in points if (point.program, point.scene) in told]
-    times = run.interleaved(points, args.launches, args.seed, args.cpu, work.once)
-    drew = [(one, work.versions[name]) for name, one in able.items() if name in {p.program for p in points}]
+    work = Measuring(able, scenes, args.n, args.cpu)
+    told, failed = work.judged(planned, args.error_n)
+    planned = [point for point in planned if (point.program, point.scene) in told]
+    times = run.interleaved(planned, args.launches, args.seed, args.cpu, work.once)
+    drew = [(one, work.versions[name]) for name, one in able.items() if name in {p.program for p in planned}]
     result = Peers(
         **running.about(args),
         n=args.n,

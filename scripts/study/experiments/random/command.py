@@ -1,4 +1,4 @@
-"""Random scenes through every phase and random bytes through every reader, by seed: what breaks one."""
+"""Random scenes and bytes, by seed: what breaks a phase or a reader."""
 
 from __future__ import annotations
 

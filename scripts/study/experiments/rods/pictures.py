@@ -12,7 +12,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normal
 from matplotlib.figure import Figure
 
 from study.core.registry import find_scene
-from study.experiments.rods import measure as rods
+from study.experiments.rods import measure
 from study.pictures.draw import STYLE, save
 from study.pictures.images import Picture
 from study.truth import truth
@@ -23,7 +23,7 @@ CAPTION = (
     "(white: near; black: no hit), and how far from ground truth (white: 1e-4 and less, black: 0.1 and more; "
     "red: a wrong hit)"
 )
-NAMES = {rods.PIXELS: "each ray alone", rods.RODS: "rods"}
+NAMES = {measure.PIXELS: "each ray alone", measure.RODS: "rods"}
 FAR = "0.15"  # the grey of the farthest hit; black stands for no hit
 WRONG = (0.84, 0.15, 0.15)
 
@@ -66,7 +66,7 @@ def error_rgb(column: Column, exact: Picture, made: Picture) -> np.ndarray:
 
 def write_pictures(folder: Path, n: int) -> list[Path]:
     """The article's four pictures, and the error of both programs, on one sheet."""
-    scene = find_scene(rods.SCENE)
+    scene = find_scene(measure.SCENE)
     size = scene.size(n)
     exact = truth.picture(scene, size)
     hit = exact["Z"][np.isfinite(exact["Z"])]
@@ -76,7 +76,7 @@ def write_pictures(folder: Path, n: int) -> list[Path]:
     figure = Figure(figsize=(9.4, 7.8), layout="constrained")
     axes = figure.subplots(2, 3)
     for line, (words, title) in zip(axes, NAMES.items(), strict=True):
-        made = rods.picture(words, scene, size)
+        made = measure.picture(words, scene, size)
         shown = steps.rgb(made["steps"]), depth.rgb(made["Z"]), error_rgb(error, exact, made)
         for place, column, rgb in zip(line, drawn, shown, strict=True):
             place.imshow(rgb, interpolation="nearest")
@@ -86,7 +86,7 @@ def write_pictures(folder: Path, n: int) -> list[Path]:
         bar = {"orientation": "horizontal", "fraction": 0.05, "pad": 0.03, "aspect": 30}
         made_bar = figure.colorbar(ScalarMappable(column.norm, column.map), ax=list(places), **bar)
         made_bar.set_label(column.label, fontsize=9)
-    title = f"Rod marching, {rods.SCENE}, {size[0]}×{size[1]} pixels: above each ray alone, below by rods"
+    title = f"Rod marching, {measure.SCENE}, {size[0]}×{size[1]} pixels: above each ray alone, below by rods"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     with matplotlib.rc_context(STYLE):
         save(figure, folder / "images" / PICTURES, "")

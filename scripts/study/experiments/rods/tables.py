@@ -6,7 +6,7 @@ from pathlib import Path
 
 from study.core import show
 from study.core.show import Column
-from study.experiments.rods import measure as rods
+from study.experiments.rods import measure
 from study.experiments.rods.pictures import CAPTION, PICTURES
 from study.experiments.rods.schema import FILE, Rods
 from study.experiments.section import Claim, Part, System, part
@@ -46,7 +46,7 @@ NOTE = (
 def claims(result: Rods) -> list[Claim]:
     """The article's four figures beside ours."""
     own, said = result.own, result.article
-    size, times = f"{rods.SCENE} {own.width}×{own.n}", said.pixels_ms / said.rods_ms
+    size, times = f"{measure.SCENE} {own.width}×{own.n}", said.pixels_ms / said.rods_ms
     found = []
     for what, limit, theirs, one in (
         ("per pixel", "", said.pixels_ms, own.pixels),

@@ -1,4 +1,4 @@
-"""The roofline of a run and the performance of every phase against n (Tables 5 and 6, Figure 6)."""
+"""The roofline of a run, and every phase's performance against n. The paper's Tables 5 and 6, Figure 6."""
 
 import argparse
 

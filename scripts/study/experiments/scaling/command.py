@@ -1,4 +1,4 @@
-"""How cost grows: time, evaluations and error against n, shapes, steps, bounces and threads."""
+"""How time and error grow with n, shapes, steps, bounces and threads."""
 
 import argparse
 import time
@@ -6,8 +6,8 @@ import time
 from study.core import cli, registry, run, temporary
 from study.core.cli import Outcome, StudyError
 from study.experiments import running
-from study.experiments.scaling import measure as scaling
 from study.experiments.scaling import tables
+from study.experiments.scaling.measure import Settings, crowds, fits, study
 from study.experiments.scaling.schema import LeftOut, Scaling
 from study.experiments.scaling.series import chosen, series
 from study.measuring import hit_tables
@@ -47,11 +47,11 @@ def measure(args: argparse.Namespace) -> Outcome:
     wanted = chosen(known, args.series or [*known])
     left, rows = seconds, []
     with temporary.folder() as scratch:
-        settings = scaling.Settings(args.launches, args.seed, args.cpu, scratch)
+        settings = Settings(args.launches, args.seed, args.cpu, scratch)
         for number, one in enumerate(wanted):
             begun = time.monotonic()
             share = one.weight / sum(other.weight for other in wanted[number:])
-            found, without = scaling.study(one, specs, left * share, settings)
+            found, without = study(one, specs, left * share, settings)
             took = time.monotonic() - begun
             left -= took
             rows, left_out = rows + found, left_out + without
@@ -66,8 +66,8 @@ def measure(args: argparse.Namespace) -> Outcome:
         scene_seed=args.scene_seed,
         rows=rows,
         left_out=left_out,
-        fits=scaling.fits(rows, known.values()),
-        goals=scaling.crowds(rows, [str(spec) for spec in specs]),
+        fits=fits(rows, known.values()),
+        goals=crowds(rows, [str(spec) for spec in specs]),
         axes={one.name: one.axis for one in wanted},
         titles={one.name: one.title for one in wanted},
     )

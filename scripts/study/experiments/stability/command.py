@@ -1,4 +1,4 @@
-"""Hard cases with a known answer: how wrong each phase is, and at which strength of the case it first fails.
+"""Hard cases with known answers: where each phase first fails.
 
 A wrong picture is a result and shown as such. A NaN, a crash, a hang, or a case that cannot run is a failure.
 """
@@ -14,12 +14,10 @@ import msgspec
 from study.core import cli, registry
 from study.core.cli import Outcome
 from study.core.run import GENERAL
-from study.experiments import running as results
-from study.experiments import shards
-from study.experiments.stability import cases as hard
-from study.experiments.stability import tables
+from study.experiments import running, shards
+from study.experiments.stability import cases, tables
 from study.experiments.stability.cases import curves, phase
-from study.experiments.stability.cases import measure as running
+from study.experiments.stability.cases.measure import FAMILY, WRONG, able, breaks, sweep
 from study.experiments.stability.schema import FILE, Phase, Row, Stability
 from study.numbers import summary
 from study.pictures.processes import in_processes
@@ -30,7 +28,7 @@ STATUSES = {1: "a phase wrote NaN, crashed or hung, or a case cannot run"}
 def options(parser: argparse.ArgumentParser) -> None:
     cores = len(os.sched_getaffinity(0))
     add = parser.add_argument
-    add("--phase", nargs="+", metavar="PHASE", help=f"e.g. opt4, or opt2@opt4; default: the {running.FAMILY}")
+    add("--phase", nargs="+", metavar="PHASE", help=f"e.g. opt4, or opt2@opt4; default: the {FAMILY}")
     add("--case", nargs="+", metavar="NAME", help="names or numbers; default: all")
     add("--strengths", choices=("few", "all"), default="all", help="few: the first, the middle, the last")
     add("--run", type=Path, metavar="DIR", help="for stability.json and curves; default: build/stability")
@@ -42,9 +40,9 @@ def options(parser: argparse.ArgumentParser) -> None:
     shards.option(parser, "cases")
 
 
-def units(args: argparse.Namespace) -> list[hard.Case]:
+def units(args: argparse.Namespace) -> list[cases.Case]:
     """The units of work. Raises StudyError for a case that there is not."""
-    return hard.find_cases(args.case)
+    return cases.find_cases(args.case)
 
 
 def cell(row: Row) -> str:
@@ -53,7 +51,7 @@ def cell(row: Row) -> str:
     if row.first_failure is None:
         return "·"
     state = row.states[row.place]
-    return curves.number(row.first_failure) + ("" if state == running.WRONG else f" {state}")
+    return curves.number(row.first_failure) + ("" if state == WRONG else f" {state}")
 
 
 def table(data: Stability) -> str:
@@ -78,8 +76,8 @@ def draw(data: Stability, folder: Path) -> None:
     )
 
 
-def measured(args: argparse.Namespace, chosen: list[hard.Case]) -> Stability:
-    names, skipped = running.able(args.phase)
+def measured(args: argparse.Namespace, chosen: list[cases.Case]) -> Stability:
+    names, skipped = able(args.phase)
     for item in skipped:
         cli.say(f"skipped {item.phase}: {item.reason}")
     # Hundreds of scenes: a kernel for each would take longer than all of them by all phases.
@@ -93,17 +91,17 @@ def measured(args: argparse.Namespace, chosen: list[hard.Case]) -> Stability:
         digest = hashlib.sha256(one.program().read_bytes()).hexdigest()
         phases.append(Phase(name=name, precision=one.precision, sha256=digest))
     few = args.strengths == "few"
-    rows = running.sweep(names, chosen, few, args.jobs, time_limit=args.time_limit)
+    rows = sweep(names, chosen, few, args.jobs, time_limit=args.time_limit)
     shown = [c.about if not few else msgspec.structs.replace(c.about, strengths=c.few()) for c in chosen]
     return Stability(phases=phases, cases=shown, results=rows, skipped=skipped)
 
 
 def measure(args: argparse.Namespace) -> Outcome:
     if args.list:
-        about = [case.about for case in hard.cases()]
+        about = [case.about for case in cases.cases()]
         return Outcome({"schema": 1, "cases": about}, [f"{c.number:2} {c.name}: {c.title}" for c in about])
     chosen = shards.part(units(args), args.shard)
-    folder = results.folder(args, FILE)
+    folder = running.folder(args, FILE)
     data = measured(args, chosen)
     result = cli.plain(data)
     path = shards.write(folder, FILE, result, args.shard)
@@ -111,4 +109,4 @@ def measure(args: argparse.Namespace) -> Outcome:
         draw(data, folder / "figures")
     where = f"Rows: {path}" if args.shard else f"Curves: {folder}/figures"
     legend = "·: right at every strength that was run; else the first strength that fails."
-    return Outcome(result, [table(data), legend, where], folder, failed=running.breaks(data.results))
+    return Outcome(result, [table(data), legend, where], folder, failed=breaks(data.results))

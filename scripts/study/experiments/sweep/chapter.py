@@ -13,8 +13,8 @@ from study.experiments.section import Found, Section, part, reading
 from study.numbers import columns, ladder
 from study.numbers.analysis import Data
 from study.pictures import dots
-from study.pictures import ladder as figures
 from study.pictures.draw import Drawing
+from study.pictures.ladder import drawings
 
 CLOSED = (
     "{} plain sphere tracing: camera rays meet the shapes by closed forms and Newton's steps, but for "
@@ -60,7 +60,7 @@ def _answer(best: dict[str, Row]) -> str:
 
 def _drawings(data: Data, names: tuple[str, ...]) -> dict[str, Drawing]:
     rows = ladder.rows(data)
-    return {} if rows.empty else {k: v for k, v in figures.drawings(data, rows).items() if k in names}
+    return {} if rows.empty else {k: v for k, v in drawings(data, rows).items() if k in names}
 
 
 def speeds(data: Data) -> Section:

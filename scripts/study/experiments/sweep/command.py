@@ -1,4 +1,4 @@
-"""Times phases × scenes × sizes × threads in interleaved rounds of process launches."""
+"""Times phases in interleaved launches."""
 
 import argparse
 import contextlib

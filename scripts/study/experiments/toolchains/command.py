@@ -1,4 +1,4 @@
-"""Compilers and flags: time, pixels that change and error to truth of every phase by each of them."""
+"""Compilers and flags: what they change in time, error and pixels."""
 
 import argparse
 

@@ -1,4 +1,4 @@
-"""The exact pictures that phases are judged by: made once, kept in build/truth/cache; how sure each is."""
+"""Makes and keeps the exact pictures that phases are judged by."""
 
 from __future__ import annotations
 

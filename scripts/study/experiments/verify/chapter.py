@@ -6,7 +6,7 @@ from study.experiments.section import Section, part, reading
 from study.experiments.verify import columns
 from study.numbers import ladder
 from study.numbers.analysis import Data
-from study.pictures import ladder as figures
+from study.pictures.ladder import drawings
 
 
 def verification(data: Data) -> Section:
@@ -26,7 +26,7 @@ def verification(data: Data) -> Section:
             answer += f"; {len(failing)} are outside" if failing else ""
             answer += f"; {alone} are judged by ground truth alone (next chapter)" if alone else ""
             answer += "."
-        able = {} if rows.empty else figures.drawings(data, rows)
+        able = {} if rows.empty else drawings(data, rows)
         drawn = {name: able[name] for name in ("speed-against-error",) if name in able}
     return Section(
         *("verification", "Verification against baseline", "scripts/stepwise verify --run RUN", parts),

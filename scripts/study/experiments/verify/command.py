@@ -1,4 +1,4 @@
-"""Equivalence of phases: pictures and AOVs compared, judged by tolerance (study/numbers/schema.py)."""
+"""Holds every phase's picture against baseline's, by its tolerance. AOVs are held against each other, too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every phase against its parent on all scenes and on three further views of each: median and worst case."""
+"""Every phase against its parent, from three more views of each scene."""
 
 import argparse
 import math
@@ -8,7 +8,7 @@ from study.core.cli import Outcome, StudyError
 from study.experiments import running
 from study.experiments.section import where
 from study.experiments.views import gains, tables
-from study.experiments.views import measure as viewing
+from study.experiments.views.measure import Settings, parents, study
 from study.experiments.views.schema import LeftOut, Views
 from study.measuring import hit_tables, views
 
@@ -36,7 +36,7 @@ def measure(args: argparse.Namespace) -> Outcome:
     folder = running.folder(args, FILE)
     run.cpu_set(args.cpu, 1)
     seconds = args.budget or (math.inf if args.full else SECONDS)
-    pairs = viewing.parents(args.phase)
+    pairs = parents(args.phase)
     if not pairs:
         raise StudyError(f"{' '.join(args.phase)}: no phase with a parent, which it would be held against")
     scenes, left_out = [], []
@@ -47,8 +47,8 @@ def measure(args: argparse.Namespace) -> Outcome:
             left_out.append(LeftOut(phase="all", scene=scene.name, view="all", reason=str(error)))
     told = (args.n, args.error_n, args.launches, args.seed, args.cpu, seconds)
     with temporary.folder() as scratch:
-        settings = viewing.Settings(*told, jobs=len(run.USABLE), scratch=scratch)
-        rows, plan = viewing.study(pairs, scenes, settings)
+        settings = Settings(*told, jobs=len(run.USABLE), scratch=scratch)
+        rows, plan = study(pairs, scenes, settings)
     result = Views(
         **running.about(args),
         n=args.n,

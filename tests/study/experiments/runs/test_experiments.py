@@ -127,7 +127,7 @@ def test_an_experiment_is_found_by_its_folder(copy: Path) -> None:
     lines = said(copy, "scripts/stepwise", "sizes", "--phase", "baseline", "opt1", "--run", run)
     assert [line.partition(":")[0] for line in lines.splitlines()] == ["baseline", "opt1"]
     said(copy, "scripts/stepwise", "docs")
-    assert "## sizes" in (copy / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert "| `sizes` |" in (copy / "docs" / "commands.md").read_text(encoding="utf-8")
     assert "lines" in (copy / "build" / "docs" / "keys" / "sizes.json.md").read_text(encoding="utf-8")
     said(copy, "scripts/stepwise", "report", run, "-o", "out/index.html")
     assert (copy / "out" / "tables" / "sizes.csv").is_file()

@@ -9,16 +9,16 @@ from study.core.cli import StudyError
 from study.core.registry import Scene, find_scene
 from study.experiments.peers import shader
 from study.experiments.peers.peer import Drawn, Job, Peer
-from study.measuring import rays as packets
+from study.measuring.rays import Rays, camera, hits, normals, places
 
 
-def shaded(scene: Scene, rays: packets.Rays, hits: np.ndarray) -> np.ndarray:
+def shaded(scene: Scene, rays: Rays, found: np.ndarray) -> np.ndarray:
     """Linear colours of camera rays by what they hit, (t, shape) each."""
-    t, shape = hits.T.astype(float)
+    t, shape = found.T.astype(float)
     met, d = shape >= 0, rays[:, 3:6].astype(float)
     which = shape[met].astype(int)
     p = rays[met, :3] + t[met, None] * d[met]
-    return shader.colours(scene.content, d, met, p, packets.normals(scene.content.shapes, p, which), which)
+    return shader.colours(scene.content, d, met, p, normals(scene.content.shapes, p, which), which)
 
 
 @dataclass(frozen=True)
@@ -27,24 +27,22 @@ class Embree(Peer):
         """It is asked for the hits of one ray."""
         lacking = "needs Debian's package libembree-dev when build/packets/hits is built"
         try:
-            record, _ = packets.hits(
-                find_scene("spheres40").path, np.ones((1, 7), "<f4"), "primary", beside=True
-            )
+            record, _ = hits(find_scene("spheres40").path, np.ones((1, 7), "<f4"), "primary", beside=True)
         except StudyError as error:
             return f"{lacking}: {error}"
         return None if record.embree16_ns else lacking  # packets of 16: its fastest for camera rays
 
     def draw(self, job: Job) -> Drawn:
-        rays = packets.camera(job.scene.data, *job.size)
+        rays = camera(job.scene.data, *job.size)
         where: dict[str, Any] = {"cpu": min(job.cpus), "env_bytes": job.padding}
-        record, found = packets.hits(job.scene.path, rays, "primary", reps=job.frames, beside=True, **where)
+        record, found = hits(job.scene.path, rays, "primary", reps=job.frames, beside=True, **where)
         if not record.embree16_ns:
             raise StudyError(f"Embree: {record.embree}")
         rgb = None
         if job.picture:
             width, height = job.size
             rgb = np.empty((height, width, 3), np.float32)
-            rgb[packets.places(width, height)] = shaded(job.scene, rays, found[1])
+            rgb[places(width, height)] = shaded(job.scene, rays, found[1])
         return Drawn(record.embree16_ns, record.embree.removeprefix("Embree "), rgb)
 
 

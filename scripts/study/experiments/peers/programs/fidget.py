@@ -16,11 +16,10 @@ import numpy as np
 from study.core.cli import CANNOT_RUN, StudyError
 from study.core.host import child
 from study.core.scene_json import GROUP, Content, Shape
-from study.experiments.peers import peer as common
 from study.experiments.peers import shader
-from study.experiments.peers.peer import Drawn, Job, Peer, Said, run
+from study.experiments.peers.peer import WORKERS, Drawn, Job, Peer, Said, run
 
-WORKER = common.WORKERS / "fidget"
+WORKER = WORKERS / "fidget"
 DEPTH = 1024  # voxels behind a pixel
 NEAR = 10.0  # units before the camera; the voxels are even in 1/distance from here to bounds_radius
 STEP = 1e-4  # of the normals
