@@ -227,7 +227,7 @@ except Exception as error:
     sys.exit(not isinstance(getattr(error, "reason", error), ssl.SSLError))
 END
 }
-# Of a package without a wheel for this Python, all others are installed; what needs it says so when it is run.
+# A package without a wheel for this Python is left out; what needs it says so when it is run.
 cp requirements.lock build/setup.lock.txt
 rm -f .venv/.without
 if ! pip_install build/setup.lock.txt; then

@@ -203,7 +203,7 @@ def main() -> None:
     emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     built = [f"lanes{one['lanes']}" for one in variants]
-    # Of a sanitized or cross-built phase the widest alone, which is the one that runs: half the time.
+    # For a sanitized or cross-built phase the widest alone, which is the one that runs: half the time.
     here = built if shim else supported(variants)[: 1 if sanitizers or widest_will_do(name) else None]
     run_here = " ".join(here)
     of, plus, _ = name.partition("+")

@@ -102,7 +102,7 @@ double ulp_of(double exact, bool is_double) {
 }
 
 void error_add(struct error *total, const struct error *part) {
-    // Of equal errors the one at the larger argument is kept, whatever order the threads end in.
+    // The larger argument is kept of two with equal errors, whatever order the threads end in.
     bool tie = part->largest == total->largest && part->worst_a > total->worst_a;
     if (!(part->largest <= total->largest) || tie) {
         total->largest = part->largest;

@@ -152,7 +152,7 @@ struct features {
     bool rotation, repetition, mirrors, fog;
     bool motion;            // a shape or a node has a path
     int count[SHAPE_TYPES]; // shapes of each type
-    // Of nodes. The bits above, but for mirrors and motion, are of shapes alone.
+    // What nodes have. The bits above, but for mirrors and motion, are of shapes alone.
     int groups; // = count[SHAPE_GROUP]
     bool blends, displacements, twists;
 };

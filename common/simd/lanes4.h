@@ -48,7 +48,7 @@ static inline vfloat v_max_of_lanes(vfloat a) {
     return v_max(a, _mm_shuffle_ps(a, a, 0xb1));
 }
 
-// Of |a| < 2^31: SSE2 rounds by way of whole numbers.
+// Precondition: |a| < 2^31, because SSE2 rounds by way of whole numbers.
 static inline vfloat v_floor(vfloat a) {
     vfloat near = _mm_cvtepi32_ps(_mm_cvtps_epi32(a));
     return near - v_select_or_zero(v_cmp_gt(near, a), v_splat(1.0f));

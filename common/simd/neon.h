@@ -99,7 +99,7 @@ static inline vfloat v_splat(float a) {
     return (vfloat)V_ALL(a);
 }
 
-// Of any alignment.
+// Vectors of any alignment.
 typedef float unaligned_vfloat __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 typedef int unaligned_vindex __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 

@@ -21,7 +21,7 @@ static inline vfloat v_load_block_row(const float *from) {
 }
 
 static inline void v_store_row(float *rgb, bool stream, vfloat r, vfloat g, vfloat b) {
-    // Of each of the three registers which lanes come from red, which from green (from 16 on), then which from blue.
+    // Which lanes of each of the three registers come from red, which from green (from 16 on), then which from blue.
     const __m512i rg[3] = {
         _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5),
         _mm512_setr_epi32(21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26),

@@ -40,7 +40,7 @@ SHARES = {
 }
 SHARES |= {"test_mandelbulb": 3, "test_mandelbox": 3, "test_mandelbulb_at_its_poles": 3}
 SHARES |= {"test_random_scenes": 2, "test_hits_are_where_geometry_says": 6}
-# Of truth, whose pixels take milliseconds, and in NumPy.
+# Tests of truth, whose pixels take milliseconds, and in NumPy.
 SLOW = re.compile(
     r"test_(hits_are_where_geometry_says|what_is_displayed_is_the_picture|same_call_same_bits)\[truth\]|"
     r"test_feature\[everything-truth\]|"

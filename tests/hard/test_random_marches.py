@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed
 ALLOWED = 3  # of 960 pixels, on top of opt4's own
-# Of some thousands. 2597: a hit far off had the steps of its packet's slowest ray (march.c). The
+# The worst of some thousands. 2597: a hit far off had the steps of its packet's slowest ray (march.c). The
 # others: rays from a plane that leave the bounds were dark beside a Mandelbulb (bulb_shadows.c).
 FOUND = (2597, 1045, 1146, 1830, 1872)
 SEEDS = [*range(20), *FOUND]

@@ -30,7 +30,7 @@ LADDER = [
 REFERENCE = harness.REFERENCE
 # Per phase the sum of the times of its runs: nothing at these sizes takes a second.
 TIME_LIMIT = 20.0  # s
-# Of 64 pixels. A pixel may fall on the other side of an edge, or a shadow ray graze one, within rounding: at
+# In 64 pixels. A pixel may fall on the other side of an edge, or a shadow ray graze one, within rounding: at
 # 1e-6 of a unit and pixels of 0.2 to 1 units that is one in 10^5 per edge that crosses it. But coordinates
 # are multiples of 1/16, so that a symmetric scene may put an edge on the very middle of a row of eight
 # pixels; one such row, but not two, may differ.

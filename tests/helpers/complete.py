@@ -95,7 +95,7 @@ def bound(reason: str = "measured", **bounds: object) -> dict:
     return {**bounds, "reason": reason}
 
 
-# Of a machine with round ceilings: instructions per core cycle; a division takes 8 cycles, a square root 16.
+# A machine with round ceilings: instructions per core cycle; a division takes 8 cycles, a square root 16.
 ROUND_RATES = {
     **{"fma": 2.0, "add": 2.0, "mul": 2.0, "minmax": 2.0, "div": 0.125, "sqrt": 0.0625},
     **{"rsqrt": None, "add+mul": 3.0, "add+2mul": 2.5, "2add+mul": 2.5},

@@ -70,7 +70,7 @@ def test_shadows_at_edges_are_truths(name: str, tmp_path: Path) -> None:
     assert np.abs(clamped(mine) - clamped(exact)).max() < 1e-4
 
 
-# Of a strength of 1 or less no term is above 1: no cone about a ray clears it.
+# With a strength of 1 or less no term is above 1: no cone about a ray clears it.
 ONE_BELOW = [
     shape("sphere", radius=3, position=[0, 0, 20]),
     shape("box", half_size=[1, 1, 1], position=[0, -6, 20]),

@@ -11,7 +11,7 @@ from study.core.registry import ROOT
 STUDY = ROOT / "scripts" / "study"
 ORDER = ["core", "numbers", "pictures", "truth", "counting", "bounds", "measuring", "experiments", "claims"]
 ORDER += ["report", "labs", "commands"]
-# Of study/experiments: what every experiment may import beside the packages below.
+# What every experiment of study/experiments may import beside the packages below.
 BASE = {"experiment", "section", "running", "cuts", "shards", "venvs", "keys"}
 MOST_FILES, MOST_LINES = 20, 400  # of a folder, of a module
 FILES = sorted(path for path in STUDY.rglob("*.py") if "__pycache__" not in path.parts)

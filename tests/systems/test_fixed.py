@@ -24,7 +24,7 @@ def ball(radius: float, position: list[float], **more: object) -> dict:
     return shape("sphere", radius=radius, position=position, material="glossy") | more
 
 
-# Of 64 × 48 pixels; each small one is within a block of 16 × 16, where no corner's ray meets it.
+# For 64 × 48 pixels; each small one is within a block of 16 × 16, where no corner's ray meets it.
 LITTLE = scene(
     [
         *(ball(0.06, [x, y, 1]) for x in (-1.1, 1.1) for y in (-1, 0.9)),

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Of 16.7 ms; the rest is for the window system.
+// The budget is of 16.7 ms; the rest is for the window system.
 static const double BUDGET_MS = 14.5, STILL_MS = 200, LONGEST_MS = 1000;
 enum { LEAST_HEIGHT = 36, HEIGHT_STEP = 9, UP_AFTER = 10, DOWN_AFTER = 3 };
 

@@ -14,7 +14,7 @@ struct reference {
     pthread_mutex_t lock;
     pthread_cond_t asked;
     bool busy, finished, ending;
-    // Of the job; the thread's while `busy`.
+    // What the job has; the thread's while `busy`.
     struct comparison job;
     struct camera camera;
     int most; // height of what is shown

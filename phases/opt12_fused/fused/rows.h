@@ -248,7 +248,7 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
         mixed_packets(f, r, x, span, w, job);
 }
 
-// Of so few pixels each is sooner drawn than its polynomial is found.
+// So few pixels are sooner drawn than their polynomial is found.
 enum { FEW = 320 };
 
 // The most that a polynomial may err, of a colour.

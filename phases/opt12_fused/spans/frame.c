@@ -32,7 +32,7 @@ static void add_outline(struct fused_frame *frame, int i) {
     sure->bottom = may->bottom;
 }
 
-// Of plane i: where it is seen within the bounds and no other plane is nearer.
+// Adds where plane i is seen within the bounds and no other plane is nearer.
 static void add_plane(struct fused_frame *frame, int i) {
     struct plane_seen here = plane_from(frame, i, frame->eye);
     double most = ANGLE_ERROR * frame->reach[2], bounds = frame->bounds_radius;

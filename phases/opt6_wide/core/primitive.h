@@ -43,7 +43,7 @@ struct primitive {
     // Its material. share: the weight of the mirror ray. Below the cosine shine_from, the highlight is less than 1e-9
     // of the light.
     float color[3], share, shininess, shine_from;
-    // Of a repeated shape (opt9_convex): half of a box that holds it, and the rounding of a walk through its cells.
+    // For a repeated shape (opt9_convex): half of a box that holds it, and the rounding of a walk through its cells.
     // Repeated shapes with the same frame and cells share a grid. `leader`: the first of them, itself if not
     // repeated; next_same_grid: the next, −1: none. The leader's box_of_grid holds them all.
     float box[3], box_of_grid[3];

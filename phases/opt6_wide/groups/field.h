@@ -105,7 +105,7 @@ node_distance(struct vec p, const struct primitive *s, enum shape_type type) {
     }
 }
 
-// Of the `n` distances of a fold, `stride` elements apart: writes (d − least)/k in their place. Sets τ in these units.
+// Writes (d − least)/k in place of the `n` distances of a fold, `stride` elements apart. Sets τ in these units.
 // Returns the least of them.
 static inline vfloat level_of(int n, int stride, vfloat *d, float per_blend, vfloat *level) {
     vfloat least = d[0], one = v_splat(1.0f), sum = v_splat(0.0f), kept = sum;

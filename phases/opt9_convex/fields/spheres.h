@@ -10,7 +10,7 @@ struct field_along {
     vfloat f, slope, bend;
 };
 
-// Of two distances: least − (k − |a − b|)²/4k where that is not negative (I. Quilez, "smooth minimum").
+// The blend of two distances: least − (k − |a − b|)²/4k where that is not negative (I. Quilez, "smooth minimum").
 static inline struct field_along blend_of_two(const vfloat *d, const vfloat *slope, float k,
                                               float per_k) {
     vfloat low = v_min(d[0], d[1]), high = v_max(d[0], d[1]);

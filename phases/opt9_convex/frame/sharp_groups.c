@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-// Of a frame: q = turn·p + moved.
+// A frame: q = turn·p + moved.
 struct placed {
     double turn[3][3], moved[3];
 };

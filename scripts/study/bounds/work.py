@@ -25,7 +25,7 @@ PLANE = "sdf_plane"
 ESTIMATES = ("bulb_end", "bulb_estimate")
 ESTIMATED = "sdf_mandelbulb"  # is one of those, or calls it
 ENTRIES = "enter"  # a ray's entry into one solid, in closed form
-# Of phases that declare no FLOPs, beside estimates and entries: a call is a distance to one shape.
+# Calls that phases without declared FLOPs have beside estimates and entries: a distance to one shape each.
 STEPS = ("packet_distance", "group_shape", "solid_step", "candidate_awake", "candidate_active", "widest_step")
 TIMED = ("scene", "width", "height", "phase", "ms", "speedup", "speedup_low", "speedup_high", "ns_per_pixel")
 GENERAL = "of its general code"

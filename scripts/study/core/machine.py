@@ -172,7 +172,7 @@ def context(pinned: int = topology.FASTEST) -> Context:
     """Everything a figure of this run stands on; `pinned`: of one thread. Unreadable things are None."""
     memory = re.search(r"MemTotal:\s+(\d+)", read_text("/proc/meminfo"))
     found, at = cpu(), topology.pinned(pinned)
-    # Of all CPUs; since Linux 6.11 one each as well.
+    # One switch for all CPUs; since Linux 6.11 one each as well.
     switches = [topology.SYSTEM / folder / "cpufreq" / "boost" for folder in (".", f"cpu{pinned}")]
     makers = map(read_text, ("/sys/hypervisor/type", "/sys/class/dmi/id/sys_vendor"))
     return Context(

@@ -22,7 +22,7 @@ from study.core.scene_json import Content
 BASE = "baseline"  # what speed-ups are over
 ROOT = Path(__file__).resolve().parents[3]
 NO_ARITHMETIC = {"-pthread"}  # flags
-# Of structs, gcc's alone; which compiler is told them: common/build/phase_info.py.
+# Flags for copies of structs, gcc's alone; common/build/phase_info.py says which compiler gets them.
 COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = "systems"  # family of what other articles did: alternatives to the ladder, shown apart

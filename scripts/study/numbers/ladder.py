@@ -107,7 +107,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "same_flags_base": same.spec if same else None,
         **_spread("speedup_same_flags", same and cell.over(same)),
         "setup_ms": cell.median("prepare_ns").value / 1e6,
-        # Of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated.
+        # The launch that compiled longest. 0: the kernel was found; NaN: nothing is generated.
         "compile_ms": values.kernel_compile_ns.max() / 1e6 if "kernel_compile_ns" in values else math.nan,
         **_spread("setup_first_ms", cell.median("setup_first_ns"), 1e6),
         "present_ms": cell.median("present_ns").value / 1e6,

@@ -15,7 +15,7 @@ struct trace_context {
     const struct prepared *scene;
     const struct view *view;
     struct packet_group *group; // of the rays being marched now
-    // Of the group's camera rays: where each begins, and how many evaluations it may have. start_of() takes both out,
+    // Where each of the group's camera rays begins, and how many evaluations it may have. start_of() takes both out,
     // so that mirror rays begin at 0 with the scene's cap.
     vfloat start[GROUP];
     int cap[GROUP]; // 0: the scene's

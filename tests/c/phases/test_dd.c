@@ -16,7 +16,7 @@ static uint64_t bits(void) { // G. Marsaglia's xorshift
     return state;
 }
 
-// Of magnitudes from 2⁻²⁰ to 2²⁰ and of 106 bits, which a quad holds.
+// A number of magnitude 2⁻²⁰ to 2²⁰ and of 106 bits, which a quad holds.
 static struct dd number(void) {
     int64_t high = (int64_t)bits() >> 11, low = (int64_t)bits() >> 12; // within 2⁵² and 2⁵¹
     int power = (int)(bits() % 41) - 20;

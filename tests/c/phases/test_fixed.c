@@ -16,7 +16,7 @@ static uint64_t random_bits(void) { // Knuth's MMIX LCG, its upper half twice
     return high << 32 | (seed = seed * 6364136223846793005u + 1442695040888963407u) >> 32;
 }
 
-// Of a random size, so that small ones are met as often as large ones; 1 to 2^bits − 1.
+// A number of random size, so that small ones are met as often as large ones; 1 to 2^bits − 1.
 static int64_t random_up_to(int bits) {
     int size = 1 + (int)(random_bits() % (unsigned)bits);
     return (int64_t)((random_bits() >> (64 - size)) | UINT64_C(1) << (size - 1));
@@ -49,7 +49,7 @@ TEST(products_are_floors) {
     }
 }
 
-// Of magic and Newton, from mathematics: each step turns a relative error e into −1.5·e²; the constant's is 3.5 %.
+// What magic and Newton leave, from mathematics: each step turns a relative error e into −1.5·e²; the constant's is 3.5 %.
 static const double NEWTON[] = {0.035, 0.0019, 5.4e-6, 4.5e-11, 0};
 
 static void check_inverse(int64_t a, int steps) {

@@ -17,7 +17,7 @@ static uint64_t bits(void) { // G. Marsaglia's xorshift
     return state;
 }
 
-// Of all magnitudes from 2⁻³⁰ to 2³⁰, with few bits now and then, so that results are exact or halfway.
+// Numbers of all magnitudes from 2⁻³⁰ to 2³⁰, with few bits now and then, so that results are exact or halfway.
 static double number(void) {
     uint64_t b = bits();
     double x = (double)(int64_t)bits() * 0x1p-63;

@@ -262,7 +262,7 @@ TEST(test_points_and_pictures) {
             assert_true(line[3 * lane + i] == (float)(lane + 100 * i));
 }
 
-// Of integers, floats and places in any order.
+// Words of integers, floats and places in any order.
 TEST(test_lanes_that_move) {
     float a[LANES], found[LANES], to[4 * LANES];
     int numbers[LANES], packed[LANES];

@@ -93,7 +93,7 @@ def plan_of(start: float, programs: dict[str, float]) -> Plan:
     ("start", "programs", "seconds", "height"),
     [
         (0.0, {"a": 0.001}, 1e9, 360),  # everything fits
-        # Of six launches at 160, 80, 40: 4 frames of 0.0256, 0.0064, 0.0016 s each, in all 0.8064 s.
+        # Six launches at 160, 80, 40: 4 frames of 0.0256, 0.0064, 0.0016 s each, in all 0.8064 s.
         (0.0, {"a": 0.01}, 0.807, 160),
         (0.0, {"a": 0.01}, 0.806, 128),
         # Three starts of 0.1 s a launch, 1.8 s in all, are of no size.

@@ -49,7 +49,7 @@ def test_the_share_of_rays_that_hit_is_the_stated_one(arrangement: str, count: i
     assert len(scene["shapes"]) == count
     # A lattice has rays of equal gauge, so that the share can leap by a few of them.
     assert hits(scene, *generated_scenes.RAYS).mean() == pytest.approx(generated_scenes.COVERAGE, abs=0.005)
-    # Of a picture of another size: its own sampling of the outlines.
+    # A picture of another size has its own sampling of the outlines.
     assert hits(scene, 213, 120).mean() == pytest.approx(generated_scenes.COVERAGE, abs=0.015)
 
 

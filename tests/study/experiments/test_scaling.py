@@ -184,7 +184,7 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
     assert a.ratio.value == pytest.approx(3.9) and 3 < a.ratio.low < 3.9 < a.ratio.high < 5
     assert a.scenes == [80, 12] and a.mean_ms == pytest.approx([100e-6, 390e-6])
     assert a.by_medians.value == pytest.approx(6.5)
-    # Of one scene each by their medians.
+    # Rows of one scene are compared by their medians.
     rows = [row("a", 16, 0, "crowd", ns=few), row("a", 4096, 0, "crowd", ns=[390.0] * 10)]
     (a,) = scaling.crowds(rows, ["a"])
     assert a.ratio.value == pytest.approx(6.5) and a.scenes == [1, 1] and a.mean_ms is None

@@ -35,7 +35,7 @@ def test_the_interval_holds_the_true_exponent_about_as_often_as_it_says(monkeypa
         held += law.low <= 1.3 <= law.high
         widths.append(law.high - law.low)
     assert 0.88 <= held / 200 <= 0.995  # of 95 %, which medians of twelve just miss
-    # Of a least-squares slope through medians: 2·1.96·σ·√(π/2)/√launches/√Σ(x−x̄)², x = log 4^i.
+    # The interval of a least-squares slope through medians: 2·1.96·σ·√(π/2)/√launches/√Σ(x−x̄)², x = log 4^i.
     spread = math.sqrt(math.pi / 2) * 0.03 / math.sqrt(12) / math.sqrt(10 * math.log(4) ** 2)
     assert np.median(widths) == pytest.approx(2 * 1.96 * spread, rel=0.25)
 

@@ -39,7 +39,7 @@ HOTSPOTS = {
     "opt2": "Table 4a: where the time of opt2 goes",
     "opt3": "Table 4b: where the time of opt3 goes",
 }
-# Of functions of a phase; the others are one piece.
+# Shades of a phase's functions; the others are one piece.
 SHADES = ("#0072B2", "#3D94C6", "#76B3D6", "#A9CFE5", "#D3E6F1")
 OTHERS = "#e6e6e6"
 NOTE = (

@@ -25,7 +25,7 @@ from study.experiments.peers import shader
 
 HOME = ROOT / "build" / "peers"
 WORKERS = Path(__file__).with_name("workers")
-# Of float programs: a place 20 units away is known to 2e-6, and a march to less than that does not end.
+# In float a place 20 units away is known to 2e-6, and a march to less than that does not end.
 HIT_DISTANCE = 1e-5
 IN_FLOAT = f"float, hit distance {HIT_DISTANCE:g}"
 FLOAT_DB = {"scene0_plain": 55.0, "mandelbulb_plain": 35.0}
