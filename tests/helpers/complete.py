@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import types
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -79,6 +80,11 @@ RUN = ROOT / "results" / "reference" / "zen5-2026-11-30"
 def published(name: str) -> dict[str, Any]:
     """The content of its file, without where it was made."""
     return {key: value for key, value in store.read_json(RUN / name).items() if key != "context"}
+
+
+def figure(text: str) -> float:
+    """The first number of a cell: 1.25 of `1.25× [1.20, 1.30]`."""
+    return float(re.findall(r"[\d,]+\.?\d*", text)[0].replace(",", ""))
 
 
 # --- scenes of both classes, and phases of any tolerance, for the gate

@@ -97,13 +97,15 @@ class Claim:
 
 @dataclass(frozen=True)
 class System:
-    """What a run has of a system that another article built. `note`: stands under the table of claims."""
+    """What a run has of a system that another article built. `note`: stands under the table of claims.
+    `lessons`: a table for the lesson of each phase, by the phase's name; its foot says what came out."""
 
     claims: list[Claim]
     parts: list[Part]
     note: str = ""
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)
+    lessons: Callable[[], list[Part]] = list
 
 
 @contextlib.contextmanager

@@ -39,13 +39,12 @@ def psnr(row: HitErrors) -> str:
     return "identical" if row.psnr_db is None else f"{row.psnr_db:.1f} dB"
 
 
+def wrong(row: HitErrors) -> str:
+    return ppm(row, form="{:,.0f} ppm".format)
+
+
 def error(row: HitErrors) -> str:
-    return f"{psnr(row)}, {ppm(row, form='{:,.0f} ppm wrong hits'.format)}"
-
-
-def depth_error(row: HitErrors) -> str:
-    """Wrong hits and how far off the right ones are, in scene units."""
-    return f"{ppm(row, form='{:,.0f} ppm wrong hits'.format)}, |Δt| 99 % {show.number(row.dt_p99, 2)}"
+    return f"{psnr(row)}, {wrong(row)}"
 
 
 def to_truth(*names: str, group: str = TRUTH) -> list[Column]:

@@ -1,7 +1,8 @@
 """The times in a phase's NOTES.md, beside its parent's, from the published run of the ladder at 1280×720.
 
 They stand below the heading MARK: a paragraph, and in a lesson without a table of ideas a table. What has
-threads of its own as its idea has its times on one thread and on two.
+threads of its own as its idea has its times on one thread and on two. What other articles built has the table
+of its experiment (System.lessons), from the newest published run of `make systems`.
 """
 
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from study.core import registry, show
 from study.core.show import Column, word
+from study.experiments import experiment
 from study.numbers import analysis, ladder, stats
 from study.numbers.analysis import Data
 from study.report import facts, lessons
@@ -52,20 +54,38 @@ def _table(phase: registry.Phase, threads: bool, rows: list[dict[str, str]]) -> 
     return show.markdown(show.table(rows, [Column("", name, word(key)) for key, name in names.items()]))
 
 
+def _where(run: Path, made: str = "") -> str:
+    return f"{facts.short_name(_read(run))} ({made}run `{run.relative_to(registry.ROOT)}`)"
+
+
+def _of_phase(phase: registry.Phase, inline: bool) -> tuple[str, str]:
+    """The paragraph and the table."""
+    threads = lessons.threads in lessons.PANELS[phase.name][1]
+    run, rows = lessons.THREADS if threads else lessons.LARGE, list(_rows(phase, threads))
+    about = f"{'' if threads else 'One thread, '}{WIDE}×{HIGH}, {_where(run)}"
+    if not inline:
+        return f"{about}.", _table(phase, threads, rows)
+    told = "On {scene} {before} → {after} ms, {gain}, {error}" + " to truth" * (not phase.draws_ideal)
+    return f"{about}. {'. '.join(told.format(**row) for row in rows)}.".replace("\u00a0", " "), ""
+
+
+def _of_system(phase: registry.Phase, run: Path) -> tuple[str, str]:
+    """The same of what another article built. Raises StudyError for a broken file."""
+    systems = (one.system(run) for one in experiment.find_all().values() if one.system)
+    (part,) = (part for one in systems if one for part in one.lessons() if part.name == phase.name)
+    about = f"{part.caption}. One thread, {_where(run, '`make systems`, ')}. {part.foot}"
+    return about.strip(), show.markdown(part.table)
+
+
 def filled(name: str, text: str) -> str | None:
     """The lesson with its times made anew; None where it has no MARK."""
     before, mark, rest = text.partition(MARK)
     if not mark:
         return None
     phase, inline = registry.find_phase(name), IDEAS in rest
-    threads = lessons.threads in lessons.PANELS[name][1]
-    run, rows = lessons.THREADS if threads else lessons.LARGE, list(_rows(phase, threads))
-    about = f"{'' if threads else 'One thread, '}{WIDE}×{HIGH}, {facts.short_name(_read(run))} "
-    about += f"(run `{run.relative_to(registry.ROOT)}`)"
-    if inline:
-        told = "On {scene} {before} → {after} ms, {gain}, {error}" + " to truth" * (not phase.draws_ideal)
-        about += f". {'. '.join(told.format(**row) for row in rows)}".replace("\u00a0", " ")
-    lines = textwrap.fill(f"{about}.", COLUMNS, break_long_words=False, break_on_hyphens=False)
+    system = phase.family == registry.SYSTEMS
+    about, table = _of_system(phase, lessons.systems()) if system else _of_phase(phase, inline)
+    lines = textwrap.fill(about, COLUMNS, break_long_words=False, break_on_hyphens=False)
     old = r"\A(?:[^\n|#!].*\n)+" + ("" if inline else r"(?:\n(?:\|.*\n)+)?")
-    made = f"{lines}\n" + ("" if inline else f"\n{_table(phase, threads, rows)}")
+    made = f"{lines}\n" + ("" if inline else f"\n{table}")
     return before + mark + re.sub(old, lambda _: made.replace("\u00a0", " "), rest)

@@ -9,7 +9,7 @@ import complete
 import numpy as np
 import pytest
 
-from study.core import commands
+from study.core import commands, store
 from study.experiments.rods import measure as rods
 from study.experiments.rods import pictures, tables
 from study.experiments.rods.schema import FILE, Rods
@@ -40,15 +40,42 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch: pytest.Mo
     assert [i // (len(rows) + 1) for i in plain] == list(range(6)), "once a round"
 
 
-def test_the_articles_figures_beside_ours() -> None:
-    found = tables.system(complete.RUN)
-    assert found and [(one.said, one.ours.split()[0], one.ratio) for one in found.claims] == [
-        ("150", "148", "1.01×"),
-        ("under 10", "22.6", "0.443×"),
-        ("over 15×", "6.58×", "0.438×"),
-        ("100×", "12.0×", "0.120×"),
+def made_up() -> dict:
+    """A published run, whose march of the article's scene takes 100 ms per pixel, 20 by rods and 5 by rods
+    that end at 4×4 pixels; another cap of steps has other figures."""
+    data = complete.published(FILE)
+    data["own"] |= {"gain": 5.0, "fewer": 20.0}
+    data["own"]["pixels"] |= {"ms": 100.0, "evaluations": 10.0, "wrong_ppm": 7.0}
+    data["own"]["rods"] |= {"ms": 20.0, "evaluations": 0.5, "wrong_ppm": 1234.0}
+    article = {"down": data["article"]["down"], "max_steps": data["article"]["max_steps"], "step": "whole"}
+    row = data["trade"][0] | article | {"least": 4, "ms": 5.0, "evaluations": 0.1, "wrong_ppm": 2.0}
+    others = [row | {"ms": 1.0, **one} for one in ({"max_steps": 10}, {"step": "safe"}, {"least": 1})]
+    return data | {"trade": [row, *others]}
+
+
+def test_the_articles_figures_beside_ours(tmp_path: Path) -> None:
+    store.write_json(tmp_path / FILE, made_up())
+    found = tables.system(tmp_path)
+    assert found and [(one.said, one.ours.split()[0], one.ratio, one.error) for one in found.claims] == [
+        ("150", "100", "1.50×", "7 ppm"),
+        ("under 10", "20.0", "0.500×", "1,234 ppm"),
+        ("over 15×", "5.00×", "0.333×", "1,234 ppm"),
+        ("100×", "20.0×", "0.200×", "1,234 ppm"),
     ]
     assert [part.name for part in found.parts] == ["rods", "rods-trade"]
+
+
+def test_its_lesson_has_the_articles_settings_alone(tmp_path: Path) -> None:
+    store.write_json(tmp_path / FILE, made_up())
+    found = tables.system(tmp_path)
+    assert found
+    (lesson,) = found.lessons()
+    assert lesson.name == "rods"
+    assert [[text.split(" [")[0] for text, _ in row[1:]] for row in lesson.table.cells] == [
+        ["100", "10.0", "1.00×", "7.00"],
+        ["20.0", "0.500", "20.0×", "1,234"],
+        ["5.00", "0.100", "100×", "2.00"],
+    ]
 
 
 def test_colours_by_hand() -> None:

@@ -10,10 +10,10 @@ import complete
 import numpy as np
 import pytest
 
-from study.core import commands, registry
+from study.core import commands, registry, store
 from study.core.registry import find_scene
 from study.experiments.flight import tables, throttle
-from study.experiments.flight.schema import THROTTLE, Large, Throttle
+from study.experiments.flight.schema import THROTTLE, Large, Setting, Throttle
 from study.measuring.schema import HitErrors
 
 
@@ -81,7 +81,31 @@ def test_the_table_of_a_published_run() -> None:
     result = Throttle.load(complete.RUN / THROTTLE)
     found = tables.system(complete.RUN)
     assert found and found.claims == [] and len(found.parts[0].table.cells) == len(result.rows)
-    assert tables.words_of(result.rows[0].chosen).startswith("rods of 8 to 4")
+    told = tables.words_of(Setting(settings="march=rods size=16 least=2 steps=0 finish=8"))
+    assert [int(word) for word in told.split() if word.isdigit()] == [16, 2, 8]
+
+
+def test_its_lesson_by_hand(tmp_path: Path) -> None:
+    """Three scenes of a published run: the gains of two are 1.25 and 2, and none is within the error on the
+    third."""
+    data = complete.published(THROTTLE)
+    known = {row["scene"]: row for row in data["rows"]}
+    rows = [known["scene0"], known["trio"], known["cubes"] | {"chosen": None, "large": None}]
+    for row, gain in zip(rows, (1.25, 2.0), strict=False):
+        row["large"] |= {"gain": gain}
+        row["chosen"] |= {"settings": "march=rods size=16 least=2 steps=0 finish=0", "evaluations": 40.0}
+        row["plain"] |= {"evaluations": 50.0}
+    store.write_json(tmp_path / THROTTLE, data | {"rows": rows})
+    found = tables.system(tmp_path)
+    assert found
+    (lesson,) = found.lessons()
+    ((name, *cells),) = [[text.split(" [")[0] for text, _ in row] for row in lesson.table.cells]
+    assert (lesson.name, name, cells) == (
+        "rods_simd",
+        "scene0",
+        ["size=16 least=2 steps=0 finish=0", "1.25×", "50.0 → 40.0"],
+    )
+    assert all(word in lesson.foot for word in ("2 of 3", "1.25×", "2.00×"))
 
 
 @pytest.mark.slow

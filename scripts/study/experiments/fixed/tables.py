@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msgspec.structs import asdict, replace
+
 from study.core import show
 from study.core.show import Column
 from study.experiments.fixed import measure
 from study.experiments.fixed.schema import FILE, Fixed, Moving, Row
 from study.experiments.section import Claim, Part, System, part
-from study.measuring import animations
+from study.measuring import animations, launches
 from study.measuring.animations import per_article
 from study.measuring.hit_tables import error, ms, to_truth
 from study.measuring.schema import Spread
@@ -36,6 +38,17 @@ CASES = [
     _ratio("over_float", "float in the most lanes that ran"),
     _ratio("over_like_float", "float in as many lanes"),
     *to_truth("wrong hits", "dt 99", "psnr"),
+]
+LESSONS = {  # phase → cases of its lesson, the first of which is what the others are compared with
+    "fixed": ("article, 1 lane", "1 lane", "16 lanes, 28 bits", "float, 16 lanes"),
+    "fixed_simd": ("1 lane", "8 lanes", "16 lanes", "16 lanes, 28 bits"),
+    "fixed_float": ("16 lanes", "16 lanes, 28 bits", "float, 16 lanes", "8 lanes", "float, 8 lanes"),
+}
+LESSON = [
+    Column("", "numbers", lambda r: f"{'' if r.phase == 'fixed_float' else 'integers: '}{r.case}"),
+    MS,
+    _ratio("gain", "the first"),
+    *to_truth("psnr", "wrong hits", group=""),
 ]
 SWEEP = [
     Column("", "bits of fraction", lambda r: str(r.bits)),
@@ -130,6 +143,19 @@ def parts(result: Fixed) -> list[Part]:
     ]
 
 
+def lessons(result: Fixed) -> list[Part]:
+    """The cases of each phase's lesson, with how many times as fast as the first of them each is."""
+    known, own, made = {row.case: row for row in result.rows}, result.rows[0], []
+    about = f"{measure.SCENE}, {own.width}×{own.n}, errors to ground truth"
+    for phase, cases in LESSONS.items():
+        first, *others = (known[case] for case in cases if case in known)
+        base = first.launches or []
+        rows = [replace(row, **asdict(launches.gain(base, row.launches or []))) for row in others]
+        rows.insert(0, replace(first, gain=None))
+        made += part(phase, f"{about}; {result.launches} interleaved launches", rows, LESSON)
+    return made
+
+
 def system(run: Path) -> System | None:
     """What a run has of it."""
     result = Fixed.load_if_there(run / FILE)
@@ -140,4 +166,4 @@ def system(run: Path) -> System | None:
         f"P3: {said.cpu}; the mean of {said.frames} frames of {said.width}×"
         f"{said.height} without shadows. The ratio is of pixels per core and second."
     )
-    return System(claims(result), parts(result), note)
+    return System(claims(result), parts(result), note, lessons=lambda: lessons(result))

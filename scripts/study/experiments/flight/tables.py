@@ -189,6 +189,13 @@ COLUMNS = [
     *within("chosen", to_truth("psnr", "wrong hits", group="rods first, to ground truth")),
     *within("plain", to_truth("psnr", "wrong hits", group="packets alone, to ground truth")),
 ]
+IN_LESSON = ("scene0", "spheres40", "two_spheres", "mandelbulb", "cubes")
+LESSON = [
+    Column("", "scene", show.word("scene")),
+    *within("chosen", [Column("", "settings", lambda r: r.settings.partition(" ")[2])]),
+    *within("large", [Column("", "gain [95 %]", gain)]),
+    Column("", EVALUATIONS, lambda r: " → ".join(show.number(w.evaluations) for w in (r.plain, r.chosen))),
+]
 FOOT = (
     "A choice is the fastest of several finalists, whose times thereby say too much: gains are of launches "
     "after it was made."
@@ -200,6 +207,19 @@ def throttle_parts(result: Throttle) -> list[Part]:
     return part("throttle", caption, result.rows, COLUMNS, FOOT)
 
 
+def lessons(result: Throttle) -> list[Part]:
+    """What the throttle gains on some scenes, and between which ends on all of them."""
+    larges = [row.large for row in result.rows if row.large]
+    least, most = (show.number(end(one.gain or 0 for one in larges)) for end in (min, max))
+    about = f"Gains over packets alone at height {larges[0].n}, evaluations at {result.rows[0].n}"
+    foot = (
+        f"On {len(larges)} of {len(result.rows)} scenes one of {result.rows[0].tried - 1} settings with rods "
+        f"keeps the error. The fastest gains {least}× to {most}×."
+    )
+    rows = [row for name in IN_LESSON for row in result.rows if row.scene == name and row.large]
+    return part("rods_simd", f"{about}; {result.launches} interleaved launches", rows, LESSON, foot)
+
+
 def system(run: Path) -> System | None:
     result = Throttle.load_if_there(run / THROTTLE)
-    return System([], throttle_parts(result)) if result else None
+    return System([], throttle_parts(result), lessons=lambda: lessons(result)) if result else None

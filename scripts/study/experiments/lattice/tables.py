@@ -29,7 +29,7 @@ def claims(result: Lattice) -> list[Claim]:
         row = result.best(threads)
         if row is None or row.program is None:
             continue
-        error = f"{show.number(row.psnr_db)} dB, {show.number(row.wrong_ppm)} ppm wrong hits"
+        error = f"{show.number(row.psnr_db)} dB, {show.number(row.wrong_ppm)} ppm"
         what = f"{SCENE} {row.width}×{row.n}, {row.phase}, threads {threads}, ms"
         times, ours = row.program, show.interval(row, "ms", 3)
         made.append(Claim("CPU-RTRM", what, f"{row.program_ms:g}", ours, show.times(times), error, times))

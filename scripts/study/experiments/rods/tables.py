@@ -8,9 +8,9 @@ from study.core import show
 from study.core.show import Column
 from study.experiments.rods import measure
 from study.experiments.rods.pictures import CAPTION, PICTURES
-from study.experiments.rods.schema import FILE, Rods
+from study.experiments.rods.schema import FILE, Rods, Way
 from study.experiments.section import Claim, Part, System, part
-from study.measuring.hit_tables import depth_error, gain, ms, to_truth, within
+from study.measuring.hit_tables import gain, ms, ppm, to_truth, within, wrong
 
 ALONE = "ms, the march alone [95 %]"
 EVALUATIONS = "evaluations a pixel"
@@ -36,6 +36,14 @@ TRADES = [
     Column("", EVALUATIONS, show.plain("evaluations")),
     *to_truth("wrong hits", "dt 50", "dt 99"),
 ]
+LARGER = (2, 4)  # pixels on a side of the smallest rod, in the lesson
+LESSON = [
+    Column("", "march", lambda r: r[0]),
+    Column("", "ms [95 %]", lambda r: ms(r[1])),
+    Column("", EVALUATIONS, lambda r: show.number(r[1].evaluations)),
+    Column("", "fewer", lambda r: f"{show.number(r[2] / r[1].evaluations)}×"),
+    Column("", "wrong hits, ppm", lambda r: ppm(r[1])),
+]
 NOTE = (
     "The article says neither its camera nor its spheres' sizes: our scene has its size in pixels, its "
     "number of spheres and its step cap. Times are of the march alone; PSNR is of pictures shaded as "
@@ -60,9 +68,26 @@ def claims(result: Rods) -> list[Claim]:
     many, ours = f"{said.evaluations:g}×", f"{show.number(own.fewer)}×"
     found.append((fewer, many, ours, own.fewer / said.evaluations, own.rods, None))
     return [
-        Claim("rod marching (P4)", what, limit, ours, f"{show.number(ratio)}×", depth_error(one), speed)
+        Claim("rod marching (P4)", what, limit, ours, f"{show.number(ratio)}×", wrong(one), speed)
         for what, limit, ours, ratio, one, speed in found
     ]
+
+
+def lessons(result: Rods) -> list[Part]:
+    """The march per pixel, rods down to a pixel, and rods that end earlier."""
+    own, said = result.own, result.article
+    at = (said.down, said.max_steps, "whole")
+    ways: list[tuple[str, Way]] = [("per pixel", own.pixels), ("rods down to a pixel", own.rods)]
+    for row in result.trade:
+        if (k := row.least) in LARGER and (row.down, row.max_steps, row.step) == at:
+            ways.append((f"rods down to {k} × {k} pixels", row))
+    rows = [(*way, own.pixels.evaluations) for way in ways]
+    about = f"{show.picture(own)}, at most {said.max_steps} steps; {result.launches} interleaved launches"
+    foot = (
+        f"Times are of the march alone; the article says {said.pixels_ms:g} ms, under {said.rods_ms:g} by "
+        f"rods. It says {said.evaluations:g}× fewer evaluations."
+    )
+    return part("rods", about, rows, LESSON, foot)
 
 
 def parts(result: Rods) -> list[Part]:
@@ -82,4 +107,4 @@ def system(run: Path) -> System | None:
         return None
     note = f"P4: {result.article.cpu}; its evaluations are fewer by “two orders of magnitude”."
     images = {run / "images" / f"{PICTURES}.png": CAPTION}
-    return System(claims(result), parts(result), note, images=images)
+    return System(claims(result), parts(result), note, images=images, lessons=lambda: lessons(result))
