@@ -57,8 +57,7 @@ MOST_WARM, SHARE_WARM = 10, 0.2  # rounds of warm-up, and of the seconds
 LEAST_ROUNDS = 10  # where no --budget is given: so many or more even of slow programs
 A_PROGRAM = 1.5  # s that each may take without --budget
 BETWEEN = ":::"
-# What the rule for when to stop sees of a launch.
-SEEN = ("ns", "user_ns", "system_ns", "unused_ns", "ctx_involuntary")
+SEEN = ("ns", *noise.TOLD)  # of a launch by the rule for when to stop
 
 
 def precision(text: str) -> float:

@@ -28,8 +28,8 @@ SHARE_BESIDE = {
 KEYS = ["scene", "spec", "width", "height", "threads"]
 SIMDE = "SIMDe"  # in the instruction set of a frame (common/build/phase_info.py)
 MEDIANS = ["core_hz_load", "kernel_compile_ns", "joules", "ns", "tsc_cycles", "core_cycles", "core_hz"]
-MEDIANS += ["tsc_hz", "present_ns", "presented_ns", "prepare_ns"]
-MEDIANS += ["user_ns", "system_ns", "unused_ns", "max_rss_kib", "instructions", "ctx_involuntary"]
+MEDIANS += ["tsc_hz", "present_ns", "presented_ns", "prepare_ns", "max_rss_kib", "instructions"]
+MEDIANS += ["user_ns", "system_ns", "unused_ns", "ctx_voluntary", "ctx_involuntary"]
 SECOND_BASE = "opt2"
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
 

@@ -12,6 +12,7 @@ from study.numbers.analysis import Cell, Data
 
 PREEMPTIONS = 20  # per second; a quiet machine has a few
 UNUSED, OVERHEAD = 0.01, 200_000  # of a launch whose CPUs others did not get: share, and ns of launching
+TOLD = ("user_ns", "system_ns", "unused_ns", "ctx_voluntary", "ctx_involuntary")  # by who tells interruptions
 
 
 @dataclass(frozen=True)
@@ -48,20 +49,23 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
     return [*found, *others(frames)]
 
 
-def _by_itself(launches: pd.DataFrame) -> pd.Series:
-    """Whether each launch had its CPUs all the time: switches are of its own threads and processes."""
-    if not {"user_ns", "system_ns", "unused_ns"} <= {*launches}:
-        return pd.Series(False, launches.index)
-    return launches.unused_ns <= OVERHEAD + UNUSED * (launches.user_ns + launches.system_ns)
+def _taken(launches: pd.DataFrame) -> pd.Series:
+    """How often others switched each launch out. Of a launch of a program (it has unused_ns) that is never if it
+    had its CPUs all the time: the switches are of its own threads and processes. If it waited for anything
+    (two voluntary switches or more), one is the launcher's, which wakes when the program has started."""
+    if not {*TOLD} <= {*launches}:
+        return launches.ctx_involuntary
+    whole = launches.unused_ns <= OVERHEAD + UNUSED * (launches.user_ns + launches.system_ns)
+    return (launches.ctx_involuntary - (launches.ctx_voluntary > 1)).clip(0).mask(whole, 0)
 
 
 def interrupted(launches: pd.DataFrame) -> pd.Series:
-    """Whether other processes took each launch's CPUs (user_ns, system_ns, unused_ns, ctx_involuntary),
-    each more than PREEMPTIONS times a second; False where the run does not tell."""
-    if not {"user_ns", "system_ns", "unused_ns", "ctx_involuntary"} <= {*launches}:
+    """Whether other processes took each launch's CPUs, each more than PREEMPTIONS times a second; False where
+    the run does not tell."""
+    if not {*TOLD} <= {*launches}:
         return pd.Series(False, launches.index)
     had = launches.user_ns + launches.system_ns + launches.unused_ns
-    return (launches.ctx_involuntary > PREEMPTIONS * 1e-9 * had) & ~_by_itself(launches)
+    return _taken(launches) > PREEMPTIONS * 1e-9 * had
 
 
 def others(frames: pd.DataFrame) -> list[str]:
@@ -70,7 +74,7 @@ def others(frames: pd.DataFrame) -> list[str]:
     if "steal_ticks" in frames and (steal := frames.steal_ticks.sum() * 0.01 / seconds) > 0.01:
         found.append(f"the hypervisor took {steal:.3f} s of all CPUs' time a second measured (steal)")
     if "ctx_involuntary" in frames:
-        often = frames.ctx_involuntary[~_by_itself(frames)].sum() / seconds
+        often = _taken(frames).sum() / seconds
         if often > PREEMPTIONS:
             found.append(f"other processes took the measured CPU {often:.0f} times a second")
     return found

@@ -15,7 +15,8 @@ SLICE = 3_000_000.0  # ns, of a neighbour that takes turns on the CPU
 
 def launches(times: np.ndarray, interruptions: np.ndarray) -> pd.DataFrame:
     """On one CPU, of which others have what a launch takes longer than BUSY."""
-    more = {"user_ns": BUSY, "system_ns": 0.0, "unused_ns": times - BUSY, "ctx_involuntary": interruptions}
+    more = {"user_ns": BUSY, "system_ns": 0.0, "unused_ns": times - BUSY}
+    more |= {"ctx_involuntary": interruptions, "ctx_voluntary": 1}
     return pd.DataFrame({"ns": times, **more})
 
 
@@ -51,6 +52,13 @@ def test_a_program_s_own_threads_interrupt_nothing():
     assert not noise.interrupted(own).any() and noise.others(own) == []
     others = own.assign(unused_ns=own.unused_ns + 1)
     assert noise.interrupted(others).sum() == 39 and len(noise.others(others)) == 1
+
+
+@pytest.mark.parametrize("waits, taken, interrupted", [(2, 1, 0), (2, 2, 40), (1, 1, 40)])
+def test_a_program_that_waits_is_switched_out_once_by_its_launcher(waits, taken, interrupted):
+    """10 ms, of which it uses 2: as `sleep` on an idle machine, which is switched out once in each launch."""
+    some = launches(np.full(40, 5 * BUSY), np.full(40, taken)).assign(ctx_voluntary=waits)
+    assert noise.interrupted(some).sum() == interrupted and len(noise.others(some)) == bool(interrupted)
 
 
 @pytest.mark.parametrize(
