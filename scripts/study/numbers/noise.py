@@ -12,7 +12,7 @@ from study.numbers.analysis import Cell, Data
 
 PREEMPTIONS = 20  # per second; a quiet machine has a few
 UNUSED, OVERHEAD = 0.01, 200_000  # of a launch whose CPUs others did not get: share, and ns of launching
-TOLD = ("user_ns", "system_ns", "unused_ns", "ctx_voluntary", "ctx_involuntary")  # by who tells interruptions
+TOLD = ("user_ns", "system_ns", "unused_ns", "ctx_voluntary", "ctx_involuntary")  # what tells interruptions
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
 
 
 def _taken(launches: pd.DataFrame) -> pd.Series:
-    """How often others switched each launch out. Of a launch of a program (it has unused_ns) that is never if it
-    had its CPUs all the time: the switches are of its own threads and processes. If it waited for anything
-    (two voluntary switches or more), one is the launcher's, which wakes when the program has started."""
+    """How often others switched each launch out: never if a program had its CPUs all the time, for then its own
+    threads and processes did. If it waited for anything (two voluntary switches or more), one is of its
+    launcher, which wakes when the program has started."""
     if not {*TOLD} <= {*launches}:
         return launches.ctx_involuntary
     whole = launches.unused_ns <= OVERHEAD + UNUSED * (launches.user_ns + launches.system_ns)
