@@ -50,8 +50,8 @@ def remarks(frames: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
 
 
 def _taken(launches: pd.DataFrame) -> pd.Series:
-    """How often others switched each launch out: never if a program had its CPUs all the time, for then its own
-    threads and processes did. If it waited for anything (two voluntary switches or more), one is of its
+    """How often others switched each launch out: never if a program had its CPUs all the time, for then its
+    own threads and processes did. If it waited for anything (two voluntary switches or more), one is of its
     launcher, which wakes when the program has started."""
     if not {*TOLD} <= {*launches}:
         return launches.ctx_involuntary

@@ -106,3 +106,29 @@ def test_a_gate_of_many_equal_programs_fails_no_oftener_than_one_of_two():
 def test_runs_of_other_tools_tell_no_interruption():
     read = pd.DataFrame({"ns": [1.0, 2, 3]})
     assert [*programs.calm(read).ns] == [1, 2, 3] and [*programs.ratios(read, read).ratio] == [1, 1, 1]
+
+
+def beside_a_neighbour(random: np.random.Generator, own_ms: float, asleep_ms: float = 0) -> pd.DataFrame:
+    """40 launches that take turns of 3 ms with another process on their CPU, but not while they sleep."""
+    ran = own_ms * np.exp(0.003 * random.normal(size=40))
+    taken = ran // 3 + (random.random(40) < 0.5)
+    some = launches(1e6 * (ran + 3 * taken * np.exp(0.05 * random.normal(size=40)) + asleep_ms), taken)
+    return some.assign(user_ns=1e6 * ran, unused_ns=some.ns - 1e6 * ran)
+
+
+def called(random: np.random.Generator, first: tuple[float, float], other: tuple[float, float]) -> str:
+    rounds = programs.ratios(*(beside_a_neighbour(random, *one) for one in (first, other)))
+    assert len(rounds) == 40 and rounds.disturbed.sum() > 30
+    found = sequential.median_interval(rounds.ratio)
+    return programs.verdict(found, found, rounds.ratio, None)
+
+
+@pytest.mark.slow
+def test_a_verdict_of_interrupted_launches_is_not_wrong_of_programs_that_only_compute():
+    """100 pairs of equal programs, and 100 of which one takes 5 % longer; sleeping is another matter."""
+    random = np.random.default_rng(7)
+    equal = [called(random, (13, 0), (13, 0)) for _ in range(100)]
+    assert equal.count(programs.FASTER) + equal.count(programs.SLOWER) <= 5
+    longer = [called(random, (13, 0), (13.65, 0)) for _ in range(100)]
+    assert longer.count(programs.FASTER) <= 2
+    assert called(random, (9, 0), (1, 9)) == programs.FASTER  # though it takes 10 ms alone, and the first 9
