@@ -97,6 +97,18 @@ def test_weak_shadows_are_truths(strength: float, phase: str, tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", WIDTHS)
+@pytest.mark.parametrize("height", [4, 60])
+def test_a_ray_along_the_normal_says_nothing(height: float, phase: str, tmp_path: Path) -> None:
+    """Its second term is 0/0: pixels below a light were NaN, or as dark as a shadow."""
+    light = {"shadows": "soft", "shadow_strength": 0.9, "position": [0, height, 0], "emission": [20] * 3}
+    below = {"position": [0, -1.9, 0], "look_at": [0, -2, 0], "up": [0, 0, 1], "vertical_fov_degrees": 2}
+    whole = scene([shape("plane", normal=[0, 1, 0], offset=-2)], light=light, camera=below)
+    mine, marched = (picture(whole, tmp_path, phase=each) for each in (phase, "opt6_wide"))
+    assert np.abs(images.rgb(mine) - images.rgb(marched)).max() < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("count", [3, 48])
 def test_what_is_outside_of_the_bounds_casts_no_shadow(count: int, phase: str, tmp_path: Path) -> None:
     """From a plane steps are leapt over up to where something else is near, no further than to the bounds.

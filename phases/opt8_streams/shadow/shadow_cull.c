@@ -109,13 +109,14 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec norma
     vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
     vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
     vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
-    vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
-                  v_nmadd(v_splat(0.5f) * ratio, v, one);
-    // A march within the hit distance at its first step has no term.
+    vfloat ahead = v_nmadd(v_splat(0.5f) * ratio, v, one);
+    vfloat term = strength * v * v_sqrt(inside) / ahead;
+    // A march within the hit distance at its first step has no term. A ray that leaves along the normal has no second
+    // one: it is 0/0.
     vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
+    second = v_and(second, v_cmp_gt(v_min(inside, ahead), v_splat(0.0f)));
     if (model->march.max_steps < 2)
         second = v_mask_none();
     vfloat least = v_select(first, v_min(one, strength * u), one);
-    // A ray that leaves along the normal has 0/0 for a second term: of that and a number, v_min takes its second argument.
     return v_select(second, v_min(term, least), least);
 }
