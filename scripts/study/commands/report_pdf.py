@@ -1,4 +1,4 @@
-"""A run as a paper: a PDF of some ten pages with figures, tables, method and limits.
+"""A run as a paper: a PDF of ten pages with figures, tables, method and limits.
 
 It is set by typst, which is installed into build/pdf on the first call.
 """

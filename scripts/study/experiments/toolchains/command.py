@@ -1,4 +1,4 @@
-"""Compilers and flags: what they change in time, error and pixels."""
+"""Compilers and flags: what each changes in time and pixels."""
 
 import argparse
 
