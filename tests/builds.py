@@ -50,7 +50,8 @@ END = 5  # seconds that what was started has for its end before it is killed
 
 # Programs of aarch64 that are run under an emulator (tests/arm64): where lanes are NEON's, sanitized too.
 ARM64_WORDS = ("test_simd_4", "test_simd_8")
-ARM64_TESTS = (*ARM64_WORDS, "test_dd", "test_interval", "test_bulb_8", "test_bvh", "test_fixed")
+ARM64_TESTS = (*ARM64_WORDS, "test_dd", "test_interval", "test_bulb_8", "test_bvh", "test_fixed", "test_ball")
+ARM64_TESTS += ("test_group_fields", "test_group_programs_8", "test_widest_cones_8")
 
 # Programs by folder: {"build": ["opt1/render"]}.
 Wanted = dict[str, list[str]]

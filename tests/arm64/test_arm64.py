@@ -27,6 +27,7 @@ from study.core.registry import Phase
 from study.pictures import gate, images
 
 pytestmark = [pytest.mark.slow, arm64.needs_arm64]
+SCENES = registry.scenes() | registry.groups()
 
 
 def draw(phase: str, scene: Path, width: int, height: int) -> Run:
@@ -51,13 +52,13 @@ def small(tolerance: dict, pixels: int) -> dict:
     return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
 
 
-@pytest.mark.parametrize("scene", registry.scenes())
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("phase", PHASES)
 def test_scene(phase: str, scene: str) -> None:
     """Within the conformance suite's bounds to baseline's picture of this machine, and within the phase's own
     tolerance to it, where it declares one."""
     size = (8, 5) if phase == TRUTH else (32, 18)
-    about, path = registry.phases()[phase], registry.scenes()[scene].path
+    about, path = registry.phases()[phase], SCENES[scene].path
     try:
         run = draw(phase, path, *size)
     except harness.Unsupported as refused:
@@ -70,7 +71,7 @@ def test_scene(phase: str, scene: str) -> None:
     if about.approximate:
         return
     check(run)
-    declared = gate.tolerance(about, registry.scenes()[scene])
+    declared = gate.tolerance(about, SCENES[scene])
     if declared and not is_fractal(run.scene):
         beside = harness.reference(path, *size).picture
         failed = gate.failures(images.compare(beside, run.picture, None), small(declared, size[0] * size[1]))
