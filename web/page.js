@@ -214,7 +214,8 @@ function tell(show, says) {
   }
   const both = sides.every((side) => side.shown && side.times.length),
     ratio = both ? perPixel(sides[0]) / perPixel(sides[1]) : 0;
-  $("ratio").textContent = both ? `${ratio.toFixed(ratio < 0.95 ? 2 : ratio < 9.95 ? 1 : 0)}×` : "–";
+  const few = ratio.toFixed(ratio < 0.95 ? 2 : 1);
+  $("ratio").textContent = both ? `${ratio < 9.95 ? few : Math.round(ratio).toLocaleString("en")}×` : "–";
   const same = both && sides[0].shown.height === sides[1].shown.height;
   $("ratio-says").textContent = `as fast as ${sides[0].name}${both && !same ? ", per pixel" : ""}`;
   const waits = sides.filter(
@@ -336,7 +337,7 @@ const toggle = (id, value) => () => {
 const KEYS = {
   Home: () => wasm.web_home(),
   Space: () => $("play").click(),
-  KeyV: toggle("show", "phase"),
+  KeyV: () => toggle("show", $("show").value === "split" ? "phase" : $("show").value)(),
   KeyE: toggle("heat", "1"),
   KeyR: toggle("resolution", "full"),
   KeyP: (event) => cycle($("phase"), event.shiftKey ? -1 : 1),

@@ -145,6 +145,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_was_there(tmp_path: Path) -> No
 
 def test_no_script_fails_and_the_first_picture_comes_soon(said: dict) -> None:
     assert said["failed"] == [] and said["overflow"] <= 0 and said["cut"] == []
+    assert said["wide"][0] == said["wide"][1]  # the controls are as wide as the picture
     assert said["first"] < 10_000  # ms
     assert "opt11_ideal" in said["figures"] and "baseline" in said["figures"]
 
@@ -169,6 +170,7 @@ def test_mouse_keys_and_fingers_move_the_camera(said: dict) -> None:
 
 def test_the_difference_and_the_evaluations_are_shown(said: dict) -> None:
     """opt11_ideal draws other shadows than opt6_wide; opt1 and opt2 evaluate equally often."""
+    assert said["beside"] == "split"
     assert said["difference"] > 100 and 20 < float(said["db"].partition("PSNR ")[2].split()[0]) < 60
     assert said["evaluations"][0] == pytest.approx(said["evaluations"][1], rel=1e-2)
     assert said["evaluations"][0] > 5

@@ -39,6 +39,7 @@ async function use() {
   said.first = performance.now();
   await until(drawn);
   said.overflow = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  said.wide = ["stage", "controls"].map((id) => $(id).getBoundingClientRect().right);
   said.figures = $("figures").textContent;
   said.cut = [...document.querySelectorAll("select")].flatMap((select) => {
     const style = getComputedStyle(select),
@@ -84,6 +85,9 @@ async function use() {
     (x, i) => i % 4 < 3 && x > 0,
   ).length;
   said.db = $("status").textContent;
+  key("keydown", "KeyV");
+  said.beside = $("show").value;
+  key("keydown", "KeyD", { shiftKey: true });
   change("reference", "opt1");
   change("phase", "opt2");
   key("keydown", "KeyE");
