@@ -23,6 +23,7 @@ MISSING = re.compile(
 
 
 BUILT = "STEPWISE_BUILT"  # paths of programs that tests/run.py has made: make is not asked again
+ERROR = re.compile(r"undefined reference|(?<!collect2: )error")  # collect2's says only that ld's is above
 LINES = 12  # of a compiler's text, from its first error on
 _one_at_a_time = threading.RLock()  # two makes of one target would write the same files
 
@@ -88,6 +89,6 @@ def _build(spec: str, target: str, folder: str, settings: tuple[str, ...]) -> Pa
                 f"cannot build {spec}: {tool[1] or tool[2]} is missing; run `make setup`", CANNOT_RUN
             )
         lines = [line for line in output.splitlines() if line.strip()]
-        first = next((i for i, line in enumerate(lines) if "error" in line), len(lines) - LINES)
+        first = next((i for i, line in enumerate(lines) if ERROR.search(line)), len(lines) - LINES)
         raise StudyError(f"cannot build {spec}:\n  " + "\n  ".join(lines[max(first, 0) :][:LINES]))
     return path

@@ -208,8 +208,8 @@ def test_idle_lanes_are_refused(judged, monkeypatch):
 
 def test_the_start_is_no_solution(judged, monkeypatch):
     monkeypatch.setattr(judge, "build", lambda spec: None)
-    status, said = judged(5, "--phase", "opt8_streams+no_refill")
-    line = 'make try NAME={0} SCENE=mandelbulb ARGS="--against {0}"'.format("opt8_streams+no_refill")
+    status, said = judged(5, "--phase", "opt8_streams+whole_packets")
+    line = 'make try NAME={0} SCENE=mandelbulb ARGS="--against {0}"'.format("opt8_streams+whole_packets")
     assert status == 1 and said.splitlines()[-1] == f"Hint: {judge.HINTS['unchanged'].format(line)}"
 
 

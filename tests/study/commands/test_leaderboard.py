@@ -58,6 +58,24 @@ def test_entries_are_put_in_and_taken_out(tmp_path, monkeypatch):
         pass
 
 
+def test_a_phase_json_that_cannot_be_read_is_named_by_its_student_s_folder(tmp_path, monkeypatch):
+    (tmp_path / "root" / "phases").mkdir(parents=True)
+    (tmp_path / "class" / "ada").mkdir(parents=True)
+    (tmp_path / "class" / "ada" / "phase.json").write_text("{}")
+
+    def phases():
+        raise cli.StudyError(f"{tmp_path}/root/phases/entry1/phase.json: no title")
+
+    phases.cache_clear = registry.phases.cache_clear
+    monkeypatch.setattr(leaderboard, "registry", types.SimpleNamespace(ROOT=tmp_path / "root", phases=phases))
+    with (
+        pytest.raises(cli.StudyError, match=f"^{tmp_path}/class/ada/phase.json"),
+        leaderboard.placed(tmp_path / "class"),
+    ):
+        pass
+    assert not list((tmp_path / "root" / "phases").iterdir())
+
+
 def test_a_page_escapes_names():
     text = leaderboard.page([Entry("<b>x</b>", "opt2", 3, "out & away")], "about")
     assert "&lt;b&gt;" in text and "out &amp; away" in text and "<b>" not in text
@@ -71,6 +89,30 @@ def test_a_fault_of_memory_is_out(monkeypatch):
     )
     entry = leaderboard.verified("opt2+by_type", registry.find_scene("trio"), 36, 50)
     assert entry.out.endswith(" render.c:7") and entry.parent == "opt2"
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "  sdf.h:9:2: warning: odd\n  phases/{0}/sdf.h:10:31: error: nothing\n  make: *** 1",
+            "sdf.h:10:31: error: nothing",
+        ),
+        (
+            "  /usr/bin/ld: x.c:7: undefined reference to `f'\n  collect2: error: ld returned 1",
+            "/usr/bin/ld: x.c:7: undefined reference to `f'",
+        ),
+        ("  sdf.h:10:31: Fehler: nichts\n  make: *** [x] Fehler 1", "make: *** [x] Fehler 1"),
+    ],
+)
+def test_what_does_not_build_is_out_by_its_first_error(monkeypatch, said, shown):
+    name = "opt2+by_type"
+
+    def fails(spec):
+        raise cli.StudyError(f"cannot build {name}:\n" + said.format(name))
+
+    monkeypatch.setattr(leaderboard, "build", fails)
+    assert leaderboard.verified(name, registry.find_scene("trio"), 36, 50).out == shown
 
 
 @pytest.mark.slow

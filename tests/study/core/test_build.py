@@ -45,6 +45,15 @@ def test_a_phase_that_does_not_compile_shows_the_compilers_lines(root):
     assert error.value.exit_status == 2
 
 
+def test_what_is_not_linked_shows_the_linker_s_first_line(monkeypatch):
+    said = ["note"] * 30 + ["x.c:7: undefined reference to `f'", "collect2: error: ld returned 1 exit status"]
+    failed = subprocess.CompletedProcess([], 2, "", "\n".join(said))
+    monkeypatch.setattr(module.child, "run", lambda *_, **__: failed)
+    with pytest.raises(StudyError) as error:
+        module.build("opt2+linked_to_nothing")
+    assert str(error.value).splitlines()[1].strip() == said[30]
+
+
 @pytest.mark.parametrize(("tools", "missing"), [(TOOLS, "gcc"), ([], "make")])
 def test_a_missing_tool_is_named(root, monkeypatch, tools, missing):
     (root / "tools").mkdir()

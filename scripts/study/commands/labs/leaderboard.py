@@ -23,7 +23,7 @@ from pathlib import Path
 from study.commands import try_
 from study.commands.labs import judge
 from study.core import cli, json_files, patches, registry, show, store
-from study.core.build import build
+from study.core.build import ERROR, build
 from study.core.cli import Outcome, StudyError
 from study.core.registry import Scene, Spec
 from study.labs import memory
@@ -88,7 +88,11 @@ def placed(folder: Path) -> Iterator[dict[str, str]]:
             made[name] = source.name
             shutil.copytree(source, target, ignore=shutil.ignore_patterns("ablations"))
             (target / "phase.json").write_text(json.dumps(about | {"name": name}), encoding="utf-8")
-        registry.phases.cache_clear()
+            registry.phases.cache_clear()
+            try:
+                registry.phases()
+            except StudyError as error:
+                raise StudyError(str(error).replace(str(target), str(source))) from None
         yield made
     finally:
         for name in made:
@@ -113,7 +117,7 @@ def verified(name: str, scene: Scene, height: int, least: float) -> Entry:
         side = try_.errors((judge.BASE, spec), scene, height)[0][spec]
     except StudyError as error:
         said = str(error).splitlines()
-        why = next((line for line in said if "error:" in line), said[0]).strip()
+        why = next(filter(ERROR.search, said), said[-1] if said[0].endswith(":") else said[0]).strip()
         return replace(entry, out=why.replace(f"phases/{name}/", ""))
     entry = replace(entry, psnr_db=side.truth.shown.psnr_db, evaluations=side.evaluations)
     if not seen.passed:
@@ -137,18 +141,11 @@ def ranked(entries: Sequence[Entry], ms: dict[str, list[float]]) -> list[Entry]:
 
 
 def cells(one: Entry) -> tuple[str, ...]:
+    about = f"{one.parent}, {one.changed}"
     if one.out:
-        return ("–", one.name, one.out, "", "", f"{one.parent}, {one.changed}")
-    work = show.number(one.evaluations, 4)
-    decibels = show.number(one.psnr_db)
-    return (
-        str(one.rank),
-        one.name,
-        show.spread(one.ms, 4),
-        decibels,
-        work,
-        f"{one.parent}, {one.changed}",
-    )
+        return ("–", one.name, one.out, "", "", about)
+    numbers = show.spread(one.ms, 4), show.number(one.psnr_db), show.number(one.evaluations, 4)
+    return (str(one.rank), one.name, *numbers, about)
 
 
 def page(entries: Sequence[Entry], about: str) -> str:
