@@ -44,7 +44,8 @@ ACROSS = 6.77  # inches: of a figure
 
 
 def broken(text: str) -> str:
-    """A cell in which the name of a step, like opt2+fast_root_1, may be broken."""
+    """A cell in which the name of a step, like opt2+fast_root_1, may be broken; feet tell of general code."""
+    text = text.removesuffix(" (general code)")
     return re.sub(r"(?<=\w[+_])(?=\w)", "\u200b", text) if "+" in text else text
 
 

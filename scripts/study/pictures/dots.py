@@ -69,6 +69,7 @@ def draw(rows: Sequence[Dot], title: str, axis: str, even: bool = False, columns
     for axes in grid.flat[: len(names)]:
         axes.set_xlim(low, high * room)
         plain_log(axes.xaxis)
-    for axes in grid[-1]:
+    for axes in grid.flat[: len(names)][-columns:]:  # the last of each column
         axes.set_xlabel(axis)
+        axes.tick_params(labelbottom=True)
     return figure

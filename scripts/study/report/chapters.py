@@ -85,7 +85,8 @@ def reproduced(data: Data, rows: pd.DataFrame) -> Section:
     parts += part(
         "paper", "The paper's ladder, by its tables and by its program", theirs, columns.PAPER, RERUN
     )
-    note = "Each claim is judged by this run's own numbers; results/paper/README.md has the rules."
+    note = "P1 is the paper, P2 a ray tracer, P3 a ray tracer in integers, P4 rod marching. "
+    note += "Each claim is judged by this run's own numbers; results/paper/README.md has the rules."
     drawn = {"claims": Drawing("The papers' claims by verdict", note, lambda: _draw(found))}
     title, make = "The papers' numbers and claims", "make study"
     return Section("claims", title, make, parts, answer=answer, script="scripts/stepwise report", drawn=drawn)

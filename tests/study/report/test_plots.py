@@ -17,6 +17,7 @@ from PIL import Image
 from study.core import registry
 from study.numbers import analysis, ladder
 from study.numbers.analysis import Data
+from study.pictures import dots
 from study.pictures import draw as drawing
 from study.pictures import ladder as ladder_figures
 
@@ -127,6 +128,13 @@ def test_an_unwritable_folder_and_no_run_are_status_2(run: Path, tmp_path: Path)
     for arguments in ((run, "-o", tmp_path / "file" / "out"), (tmp_path / "none",)):
         done = redraw(*arguments)
         assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+
+
+def test_the_last_panel_of_each_column_has_the_axis_numbers() -> None:
+    made = dots.draw([dots.Dot(panel, "a", 2.0) for panel in "abc"], "title", "ms")
+    told = [axes.get_xlabel() for axes in made.axes[:3]]
+    shown = [axes.xaxis.get_tick_params()["labelbottom"] for axes in made.axes[:3]]
+    assert told == ["", "ms", "ms"] and shown == [False, True, True]
 
 
 def test_a_phase_looks_alike_in_every_figure_and_like_no_other() -> None:

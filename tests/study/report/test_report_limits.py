@@ -65,6 +65,12 @@ def test_it_is_small_and_whole(page: str) -> None:
     assert re.findall(r'<h2 id="question-\d">(.*?)</h2>', page) == list(experiment.QUESTIONS.values())
 
 
+def test_the_pictures_open_the_page(page: str) -> None:
+    """Before the list of chapters, in which they are none of their own."""
+    assert 0 < page.index('<section id="summary">') < page.index("<nav>")
+    assert '<figure class="pictures">' in page.partition("<nav>")[0] and 'id="pictures"' not in page
+
+
 def test_every_chapter_answers_with_a_number_and_opens_with_a_figure(page: str) -> None:
     chapters = dict(re.findall(r'<section id="(\w+)">(.*?)</section>', page, re.DOTALL))
     for name in chapters.keys() - {"summary", "units", "phases", "machine", "pictures"}:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from study.core import show
 from study.core.show import Column
 from study.numbers.accuracy import Accuracy, Row
-from study.pictures.draw import Drawing, legend, panels
+from study.pictures.draw import ON_PAPER, Drawing, legend, panels
 from study.truth import where
 
 MARK = "▼"  # worse than baseline
@@ -174,6 +174,7 @@ def places(rows: Sequence[Row]) -> Figure:
         size = f"{mine[0].width}×{mine[0].height}" + ", to a march" * mine[0].converged_only
         axes.set(title=f"{scene} ({size})", xlabel="bad pixels, ppm", xlim=(0, 1.18 * max(*left, 1.0)))
         axes.invert_yaxis()
+        axes.locator_params(axis="x", nbins=1 if ON_PAPER.get() else 3)
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")
     legend(made, grid)
     return made
