@@ -61,6 +61,29 @@ group_distances(struct packet_group *group, int shape, int size, const struct pr
                             found);
 }
 
+// Evaluates a Mandelbox, which never sleeps, for all packets.
+__attribute__((noinline, unused)) static void box_distances(struct packet_group *group, int shape,
+                                                            const struct primitive *s,
+                                                            struct nearest_so_far *found) {
+    struct vec p[GROUP];
+    vfloat to[GROUP];
+    for (int i = 0; i < group->count; i++) {
+        int k = group->marching[i];
+        ACTIVE(v_count(group->live[k]));
+        COUNT(packet_distance, call);
+        const struct local_ray *ray = &group->packet[k].local[shape];
+        p[i] = vec_along(ray->origin, ray->direction, group->t[k]);
+        if (s->repeated)
+            p[i] = vec_wrapped(s, p[i]);
+    }
+    sdf_mandelboxes(p, group->count, s, to);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->marching[i];
+        found->least[k] = v_min(to[i], found->least[k]);
+        found->limit[k] = v_min(to[i] + group->t[k], found->limit[k]);
+    }
+}
+
 // Evaluates a Mandelbulb for all packets: bulb/bulb_distances.c.
 void bulb_distances(struct packet_group *group, int shape, const struct primitive *primitive,
                     struct nearest_so_far *found);
@@ -101,9 +124,7 @@ distances_to_shape(struct packet_group *group, int shape, int size,
                         found);
         break;
     case SHAPE_GROUP: field_distances(group, shape, primitive, found); break;
-    case SHAPE_MANDELBOX:
-        group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_MANDELBOX, found);
-        break;
+    case SHAPE_MANDELBOX: box_distances(group, shape, primitive, found); break;
     default:
         group_distances(group, shape, size, primitive, steady, EVAL_POINT, SHAPE_PLANE, found);
         break;

@@ -157,6 +157,8 @@ static inline vfloat folded(vfloat x, vfloat limit) {
     return v_msub(v_splat(2.0f), v_min(v_max(x, -limit), limit), x);
 }
 
+enum { TURNS = 4 }; // a Mandelbox's points that are iterated side by side
+
 // The Mandelbox's map folds the point at the planes ±fold_limit, inverts it in the sphere of fixed_radius, scales
 // it and adds p. dr is the most by which the iterations stretch a distance.
 struct orbit {
@@ -173,11 +175,36 @@ static inline void map_mandelbox(struct vec p, const struct primitive *s, struct
     at->dr = v_madd(v_splat(s->b) * inversion, at->dr, v_splat(1.0f));
 }
 
-static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
-    struct orbit at = {p, v_splat(1.0f)};
+// Sets `to` to a Mandelbox's distances at n points in turns: while one waits for a result, the others compute.
+__attribute__((always_inline)) static inline void
+distances_in_turns(const struct vec *p, int n, const struct primitive *s, vfloat *to) {
+    struct orbit at[TURNS];
+    for (int k = 0; k < n; k++)
+        at[k] = (struct orbit){p[k], v_splat(1.0f)};
     for (int i = 0; i < s->iterations; i++)
-        map_mandelbox(p, s, &at);
-    return vec_norm(at.w) / at.dr;
+        for (int k = 0; k < n; k++)
+            map_mandelbox(p[k], s, &at[k]);
+    for (int k = 0; k < n; k++)
+        to[k] = vec_norm(at[k].w) / at[k].dr;
+}
+
+// The same of any number of points. A constant number of turns keeps the orbits in registers.
+static inline void sdf_mandelboxes(const struct vec *p, int n, const struct primitive *s,
+                                   vfloat *to) {
+    for (; n >= TURNS; n -= TURNS, p += TURNS, to += TURNS)
+        distances_in_turns(p, TURNS, s, to);
+    if (n >= 2) {
+        distances_in_turns(p, 2, s, to);
+        n -= 2, p += 2, to += 2;
+    }
+    if (n)
+        distances_in_turns(p, 1, s, to);
+}
+
+static inline vfloat sdf_mandelbox(struct vec p, const struct primitive *s) {
+    vfloat distance;
+    distances_in_turns(&p, 1, s, &distance);
+    return distance;
 }
 
 // Returns the distance at a point of the shape's frame, wrapped if it is repeated. `type` is a constant where this is
@@ -208,7 +235,7 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *p
     if (kind == EVAL_LINEAR)
         return v_madd(t, a->direction.x, a->origin.x);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (repeated && (type != SHAPE_MANDELBOX || primitive->repeated))
+    if (repeated)
         p = vec_wrapped(primitive, p);
     if (kind == EVAL_FIELD)
         return field_at(a, t, p, primitive, live);

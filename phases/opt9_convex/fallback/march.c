@@ -1,5 +1,5 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). A pair of packets marches until the last ray is done.
+// of implicit surfaces", The Visual Computer 12 (1996). TURNS packets march until the last ray is done.
 #include "fallback/trace.h"
 #include "march/march_step.h"
 #include "simd/simd.h"
@@ -24,53 +24,61 @@ struct march_state {
     struct hit_surroundings near;
 };
 
-static inline bool going(const vmask done[PAIR]) {
-    return !v_all(done[0]) || !v_all(done[1]);
+// Sets `turn` to the packets whose rays are not all done. Returns their number.
+static inline int going(const vmask done[TURNS], int turn[TURNS]) {
+    int count = 0;
+    for (int k = 0; k < TURNS; k++)
+        if (!v_all(done[k]))
+            turn[count++] = k;
+    return count;
 }
 
-// Sets h to the scene's distances at t along the rays, but for a packet whose rays are done.
-__attribute__((noinline)) static void distances(const struct trace_context world[PAIR],
-                                                const vfloat t[PAIR], const vmask done[PAIR],
-                                                vfloat h[PAIR]) {
+// Sets h to the scene's distances at t along the rays of the packets of `turn`.
+__attribute__((noinline)) static void distances(const struct trace_context world[TURNS],
+                                                const vfloat t[TURNS], const vmask done[TURNS],
+                                                const int *turn, int count, vfloat h[TURNS]) {
     const struct prepared *scene = world->scene;
-    bool on[PAIR] = {!v_all(done[0]), !v_all(done[1])};
-    h[0] = h[1] = v_splat(INFINITY);
+    for (int k = 0; k < TURNS; k++)
+        h[k] = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct primitive *s = &scene->primitives[i];
-        const struct local_ray *rays[PAIR] = {&world[0].local_rays[i], &world[1].local_rays[i]};
-        vfloat to[PAIR];
-        if (s->type == SHAPE_MANDELBOX && on[0] && on[1])
-            distances_to_mandelbox(rays, t, s, to);
-        for (int k = 0; k < PAIR; k++)
-            if (on[k] && !(s->type == SHAPE_MANDELBOX && on[1 - k]))
-                to[k] = distance_to_shape(rays[k], t[k], s, s->repeated, s->eval, s->type,
-                                          v_not(done[k]));
-        for (int k = 0; k < PAIR; k++)
-            if (on[k])
-                h[k] = v_min(to[k], h[k]);
+        struct vec p[TURNS];
+        vfloat to[TURNS];
+        for (int j = 0; j < count; j++) {
+            const struct local_ray *ray = &world[turn[j]].local_rays[i];
+            if (s->type == SHAPE_MANDELBOX)
+                p[j] = point_on(ray, t[turn[j]], s);
+            else
+                to[j] = distance_to_shape(ray, t[turn[j]], s, s->repeated, s->eval, s->type,
+                                          v_not(done[turn[j]]));
+        }
+        if (s->type == SHAPE_MANDELBOX)
+            sdf_mandelboxes(p, count, s, to);
+        for (int j = 0; j < count; j++)
+            h[turn[j]] = v_min(to[j], h[turn[j]]);
     }
 }
 
 // Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
-static void march(struct march_state at[PAIR], const struct ray_pair *rays,
-                  const struct trace_context world[PAIR]) {
+static void march(struct march_state at[TURNS], const struct ray_packets *rays,
+                  const struct trace_context world[TURNS]) {
     const struct model *model = &world->scene->model;
-    vfloat hit_distance = v_splat((float)model->march.hit_distance), t[PAIR], h[PAIR];
+    vfloat hit_distance = v_splat((float)model->march.hit_distance), t[TURNS], h[TURNS];
     vfloat most = v_splat((float)step_cap(model));
-    struct bounds_exit exit[PAIR];
-    vmask done[PAIR];
-    for (int k = 0; k < PAIR; k++) {
+    struct bounds_exit exit[TURNS];
+    vmask done[TURNS];
+    for (int k = 0; k < TURNS; k++) {
         done[k] = at[k].done;
         t[k] = v_splat(0.0f);
         exit[k] = bounds_exit_of(at[k].origin, rays->direction[k], model);
         if (!v_all(done[k]))
             at[k].t = at[k].last = t[k];
     }
-    while (going(done)) {
-        distances(world, t, done, h);
-        for (int k = 0; k < PAIR; k++) {
-            if (v_all(done[k]))
-                continue;
+    int turn[TURNS], count;
+    while ((count = going(done, turn)) > 0) {
+        distances(world, t, done, turn, count, h);
+        for (int j = 0; j < count; j++) {
+            int k = turn[j];
             ACTIVE(LANES - v_count(done[k]));
             COUNT(march_step, call);
             at[k].evals = at[k].evals + v_zero_where(done[k], v_splat(1.0f));
@@ -144,12 +152,12 @@ static bool land(struct march_state *at, vmask settled, struct vec direction,
     return true;
 }
 
-void ray_march(const struct ray_pair *rays, const struct trace_context world[PAIR],
-               struct hit hit[PAIR]) {
+void ray_march(const struct ray_packets *rays, const struct trace_context world[TURNS],
+               struct hit hit[TURNS]) {
     vfloat zero = v_splat(0.0f), none = v_splat(-1.0f);
-    vmask nowhere = v_mask_none(), settled[PAIR], ended[PAIR];
-    struct march_state at[PAIR];
-    for (int k = 0; k < PAIR; k++) {
+    vmask nowhere = v_mask_none(), settled[TURNS], ended[TURNS];
+    struct march_state at[TURNS];
+    for (int k = 0; k < TURNS; k++) {
         ended[k] = v_not(rays->active[k]);
         at[k] =
             (struct march_state){rays->origin[k], zero,    zero,    zero, zero,
@@ -157,15 +165,16 @@ void ray_march(const struct ray_pair *rays, const struct trace_context world[PAI
         set_local_origins(rays->origin[k], world->scene, world[k].local_rays);
         set_local_directions(rays->direction[k], world->scene, world[k].local_rays);
     }
-    while (going(ended)) {
-        for (int k = 0; k < PAIR; k++)
+    int turn[TURNS];
+    while (going(ended, turn) > 0) {
+        for (int k = 0; k < TURNS; k++)
             settled[k] = at[k].found;
         march(at, rays, world);
-        for (int k = 0; k < PAIR; k++)
+        for (int k = 0; k < TURNS; k++)
             if (!v_all(ended[k]) && !land(&at[k], settled[k], rays->direction[k], &world[k]))
                 at[k].done = ended[k] = v_mask_all();
     }
-    for (int k = 0; k < PAIR; k++) {
+    for (int k = 0; k < TURNS; k++) {
         hit[k] = (struct hit){.found = at[k].found, .shape = none, .evals = at[k].evals};
         if (v_any(at[k].found))
             finish_hits(&at[k], rays->direction[k], &world[k], &hit[k]);
@@ -229,18 +238,20 @@ static void step_hard(struct shadow_march *at, vfloat h, vfloat distance,
     at->done = v_or(at->done, v_or(outside(at->exit, at->t), v_not(v_cmp_lt(at->t, distance))));
 }
 
-void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
-            const struct trace_context world[PAIR], vfloat light[PAIR]) {
+void shadow(const struct ray_packets *rays, const vfloat distance[TURNS],
+            const struct trace_context world[TURNS], vfloat light[TURNS]) {
     const struct model *model = &world->scene->model;
-    vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength), t[PAIR], h[PAIR];
-    light[0] = light[1] = one;
+    vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength), t[TURNS],
+           h[TURNS];
+    for (int k = 0; k < TURNS; k++)
+        light[k] = one;
     if (model->shadows == SHADOWS_NONE)
         return;
     bool hard = model->shadows == SHADOWS_HARD;
     bool ideal = !hard && (SOFT_IS_IDEAL || model->shadows == SHADOWS_IDEAL);
-    struct shadow_march at[PAIR];
-    vmask done[PAIR];
-    for (int k = 0; k < PAIR; k++) {
+    struct shadow_march at[TURNS];
+    vmask done[TURNS];
+    for (int k = 0; k < TURNS; k++) {
         set_local_directions(rays->direction[k], world->scene, world[k].local_rays);
         t[k] = v_splat((float)model->march.surface_offset);
         done[k] = v_not(rays->active[k]);
@@ -250,11 +261,12 @@ void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
             t[k], v_splat(ideal ? 1.0f / (float)model->shadow_strength : 1.0f), v_splat(1e20f),
             done[k], bounds_exit_of(rays->origin[k], rays->direction[k], model)};
     }
-    for (int step = 0; going(done) && (ideal || step < model->march.max_steps); step++) {
-        distances(world, t, done, h);
-        for (int k = 0; k < PAIR; k++) {
-            if (v_all(done[k]))
-                continue;
+    int turn[TURNS], count;
+    for (int step = 0; (count = going(done, turn)) > 0 && (ideal || step < model->march.max_steps);
+         step++) {
+        distances(world, t, done, turn, count, h);
+        for (int j = 0; j < count; j++) {
+            int k = turn[j];
             if (hard)
                 step_hard(&at[k], h[k], distance[k], model);
             else if (ideal)
@@ -265,7 +277,7 @@ void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
             done[k] = at[k].done;
         }
     }
-    for (int k = 0; k < PAIR; k++) {
+    for (int k = 0; k < TURNS; k++) {
         light[k] = at[k].light;
         if (ideal)
             light[k] = v_min(strength * light[k], one);

@@ -36,12 +36,12 @@ static struct vec from_to(struct point from, const double to[3]) {
 }
 
 // Sets the colours of hits, without mirrors and fog.
-static void light_hits(const struct hit hit[PAIR], const struct vec direction[PAIR],
-                       const struct materials surface[PAIR], const struct trace_context world[PAIR],
-                       struct vec color[PAIR]) {
-    struct ray_pair rays;
-    vfloat distance[PAIR], facing[PAIR], light[PAIR], zero = v_splat(0.0f);
-    for (int k = 0; k < PAIR; k++) {
+static void light_hits(const struct hit hit[TURNS], const struct vec direction[TURNS],
+                       const struct materials surface[TURNS],
+                       const struct trace_context world[TURNS], struct vec color[TURNS]) {
+    struct ray_packets rays;
+    vfloat distance[TURNS], facing[TURNS], light[TURNS], zero = v_splat(0.0f);
+    for (int k = 0; k < TURNS; k++) {
         struct vec to_light = from_to(hit[k].point, world->view->light_position);
         distance[k] = vec_norm(to_light);
         rays.origin[k] = hit[k].point;
@@ -54,7 +54,7 @@ static void light_hits(const struct hit hit[PAIR], const struct vec direction[PA
     }
     shadow(&rays, distance, world, light);
     struct vec emission = vec_from_doubles(world->view->light_emission);
-    for (int k = 0; k < PAIR; k++) {
+    for (int k = 0; k < TURNS; k++) {
         struct vec ambient = vec_scale(surface[k].color, v_splat(0.01f));
         vfloat reach = light[k] / distance[k];
         struct vec bright = lit_color(hit[k].normal, direction[k], rays.direction[k], facing[k],
@@ -64,48 +64,52 @@ static void light_hits(const struct hit hit[PAIR], const struct vec direction[PA
 }
 
 // Adds what mirrors show.
-static void add_mirrored(const struct hit hit[PAIR], const struct vec direction[PAIR], int bounce,
-                         const struct materials surface[PAIR],
-                         const struct trace_context world[PAIR], struct vec color[PAIR]) {
+static void add_mirrored(const struct hit hit[TURNS], const struct vec direction[TURNS], int bounce,
+                         const struct materials surface[TURNS],
+                         const struct trace_context world[TURNS], struct vec color[TURNS]) {
     vfloat zero = v_splat(0.0f);
     vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
-    struct ray_pair next;
-    struct shaded seen[PAIR];
-    for (int k = 0; k < PAIR; k++) {
+    struct ray_packets next;
+    struct shaded seen[TURNS];
+    vmask any = v_mask_none();
+    for (int k = 0; k < TURNS; k++) {
         next.origin[k] = point_at(hit[k].point, hit[k].normal, offset, zero);
         next.direction[k] = vec_reflect(direction[k], hit[k].normal);
         next.active[k] = v_and(hit[k].found, v_cmp_gt(surface[k].reflectivity, zero));
+        any = v_or(any, next.active[k]);
     }
-    if (!v_any(v_or(next.active[0], next.active[1])))
+    if (!v_any(any))
         return;
     // One reflective ray makes the call; the others are masked out of it and of its colour.
     trace(&next, bounce + 1, world, seen);
-    for (int k = 0; k < PAIR; k++) {
+    for (int k = 0; k < TURNS; k++) {
         vmask mirror = next.active[k];
         vfloat share = v_select_or_zero(mirror, surface[k].reflectivity * v_splat(0.1f));
         color[k] = vec_along(color[k], vec_select(mirror, seen[k].color, color[k]), share);
     }
 }
 
-void trace(const struct ray_pair *rays, int bounce, const struct trace_context world[PAIR],
-           struct shaded result[PAIR]) {
+void trace(const struct ray_packets *rays, int bounce, const struct trace_context world[TURNS],
+           struct shaded result[TURNS]) {
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
-    struct hit hit[PAIR];
-    struct materials surface[PAIR];
-    struct vec color[PAIR];
+    struct hit hit[TURNS];
+    struct materials surface[TURNS];
+    struct vec color[TURNS];
     ray_march(rays, world, hit);
-    for (int k = 0; k < PAIR; k++) {
+    vmask found = v_mask_none();
+    for (int k = 0; k < TURNS; k++) {
+        found = v_or(found, hit[k].found);
         result[k] = (struct shaded){background, hit[k]};
         surface[k] = gather(hit[k].shape, hit[k].found, &world[k]);
     }
-    if (!v_any(v_or(hit[0].found, hit[1].found)))
+    if (!v_any(found))
         return;
     light_hits(hit, rays->direction, surface, world, color);
     if (model->features.mirrors && bounce < model->march.max_bounces)
         add_mirrored(hit, rays->direction, bounce, surface, world, color);
-    for (int k = 0; k < PAIR; k++) {
+    for (int k = 0; k < TURNS; k++) {
         if (model->features.fog) {
             vfloat far_sq = vec_dot(hit[k].point.hi, hit[k].point.hi);
             color[k] =

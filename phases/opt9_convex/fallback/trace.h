@@ -4,9 +4,6 @@
 #include "simd/simd.h"
 #include "types/sdf.h"
 
-// Packets that are marched in turns: while one waits for a result, the other computes.
-enum { PAIR = 2 };
-
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
@@ -27,20 +24,20 @@ struct shaded {
     struct hit hit;
 };
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
-struct ray_pair {
-    struct point origin[PAIR];
-    struct vec direction[PAIR];
-    vmask active[PAIR];
+// Packets that are marched in turns. Only lanes of `active` are marched, shaded and written; the others may hold anything.
+struct ray_packets {
+    struct point origin[TURNS];
+    struct vec direction[TURNS];
+    vmask active[TURNS];
 };
 
 // world: one per packet.
-void ray_march(const struct ray_pair *rays, const struct trace_context world[PAIR],
-               struct hit hit[PAIR]);
+void ray_march(const struct ray_packets *rays, const struct trace_context world[TURNS],
+               struct hit hit[TURNS]);
 // Sets light to 1 where it reaches a ray's origin, 0 where it does not, and values between in the penumbra of a soft
 // shadow. The rays go towards the light, `distance` away.
-void shadow(const struct ray_pair *rays, const vfloat distance[PAIR],
-            const struct trace_context world[PAIR], vfloat light[PAIR]);
+void shadow(const struct ray_packets *rays, const vfloat distance[TURNS],
+            const struct trace_context world[TURNS], vfloat light[TURNS]);
 // What near_hit() finds at hits that are the origins of world->local_rays. More exact than the march, which
 // rounds origin and direction in the frames of all shapes.
 struct hit_surroundings {
@@ -52,8 +49,8 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
 // Returns the normals of hits that are the origins of world->local_rays, and the slope there.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope);
-void trace(const struct ray_pair *rays, int bounce, const struct trace_context world[PAIR],
-           struct shaded result[PAIR]);
+void trace(const struct ray_packets *rays, int bounce, const struct trace_context world[TURNS],
+           struct shaded result[TURNS]);
 
 // Fills one local_rays per shape: where the rays are, and then where they go.
 static inline void set_local_origins(struct point origin, const struct prepared *scene,
@@ -111,18 +108,6 @@ static inline void move_local_rays(vfloat by, const struct prepared *scene,
 static inline struct vec point_on(const struct local_ray *a, vfloat t, const struct primitive *s) {
     struct vec p = vec_along(a->origin, a->direction, t);
     return s->repeated ? vec_wrapped(s, p) : p;
-}
-
-// Two packets in turns: while one waits for a result, the other computes.
-static inline void distances_to_mandelbox(const struct local_ray *const rays[2], const vfloat t[2],
-                                          const struct primitive *s, vfloat to[2]) {
-    struct vec p[2] = {point_on(rays[0], t[0], s), point_on(rays[1], t[1], s)};
-    struct orbit at[2] = {{p[0], v_splat(1.0f)}, {p[1], v_splat(1.0f)}};
-    for (int i = 0; i < s->iterations; i++)
-        for (int k = 0; k < 2; k++)
-            map_mandelbox(p[k], s, &at[k]);
-    for (int k = 0; k < 2; k++)
-        to[k] = vec_norm(at[k].w) / at[k].dr;
 }
 
 // Returns the distance to the nearest shape and sets its index (the first of equals). Lanes of `done` may hold anything.

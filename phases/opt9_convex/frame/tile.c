@@ -24,20 +24,21 @@ static int tiles_across(const struct frame *frame) {
 
 static void draw_tile(const struct job *job, int tile, struct local_ray *local_rays) {
     struct frame *frame = job->frame;
-    struct trace_context world[PAIR] = {
-        {job->prepared, job->view, local_rays},
-        {job->prepared, job->view, local_rays + job->prepared->model.shape_count}};
+    struct trace_context world[TURNS];
+    for (int k = 0; k < TURNS; k++)
+        world[k] = (struct trace_context){job->prepared, job->view,
+                                          local_rays + k * job->prepared->model.shape_count};
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = int_min(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
         bottom = int_min(frame->height, top + TILE_HEIGHT);
     for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
-        for (int column = left; column < right; column += PAIR * BLOCK_WIDTH) {
-            struct pixel_block block[PAIR];
-            struct ray_pair rays;
-            struct shaded seen[PAIR];
-            for (int k = 0; k < PAIR; k++) {
+        for (int column = left; column < right; column += TURNS * BLOCK_WIDTH) {
+            struct pixel_block block[TURNS];
+            struct ray_packets rays;
+            struct shaded seen[TURNS];
+            for (int k = 0; k < TURNS; k++) {
                 int x = column + k * BLOCK_WIDTH;
                 block[k] = (struct pixel_block){x, row, int_min(BLOCK_WIDTH, right - x),
                                                 int_min(BLOCK_HEIGHT, bottom - row)};
@@ -46,7 +47,7 @@ static void draw_tile(const struct job *job, int tile, struct local_ray *local_r
                 rays.active[k] = in_picture(block[k]);
             }
             trace(&rays, 0, world, seen);
-            for (int k = 0; k < PAIR && block[k].across > 0; k++)
+            for (int k = 0; k < TURNS && block[k].across > 0; k++)
                 store_block_result(frame, block[k], &seen[k]);
         }
     }
@@ -60,7 +61,8 @@ static int candidate_slots(const struct model *model) {
 // Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for
 // marched ones.
 static size_t scratch_size(const struct model *model) {
-    size_t shapes = (size_t)model->shape_count, marching = PAIR * shapes * sizeof(struct local_ray);
+    size_t shapes = (size_t)model->shape_count,
+           marching = TURNS * shapes * sizeof(struct local_ray);
     // With STEPWISE_PATH=bvh a smaller scene has a BVH: its reads behind the last shape need the room of
     // BVH_MIN_SHAPES.
     size_t room = shapes > BVH_MIN_SHAPES ? shapes : BVH_MIN_SHAPES;
