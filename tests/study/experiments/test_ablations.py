@@ -289,10 +289,10 @@ def test_a_wrong_picture_fails_and_so_does_a_patch_that_does_not_apply(tmp_path,
     wrong.verdict, wrong.failed = "OUTSIDE", ["identical: no"]
     monkeypatch.setattr(command.Study, "measure", lambda self: [wrong])
     stale = {"opt1+stale": StudyError("does not apply")}
-    monkeypatch.setattr(ablations, "find", lambda names: ([ablation()], stale))
+    monkeypatch.setattr(command, "find", lambda names: ([ablation()], stale))
     found = called("-n", 9, "--run", tmp_path)
     assert found.ended == cli.FAILED and len(found.failed) == 2
     assert [one.ablation for one in Ablations.load(tmp_path / "ablations.json").failures] == ["opt1+stale"]
-    monkeypatch.setattr(ablations, "find", lambda names: ([], stale))
+    monkeypatch.setattr(command, "find", lambda names: ([], stale))
     with pytest.raises(StudyError, match="does not apply"):
         called("-n", 9, "--run", tmp_path)

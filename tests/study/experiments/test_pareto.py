@@ -10,7 +10,7 @@ import pytest
 from study.core import cli, commands, registry, run, store
 from study.core.registry import Spec
 from study.experiments import running
-from study.experiments.pareto import fronts, tables
+from study.experiments.pareto import command, fronts, tables
 from study.experiments.pareto import measure as measuring
 from study.experiments.pareto.schema import Pareto, Row
 from study.numbers.schema import Interval, Skipped
@@ -228,7 +228,7 @@ def pareto(*words: str) -> cli.Outcome:
 
 def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused = [Skipped(phase="opt1", scene="scene0", reason="refused")]
-    monkeypatch.setattr(measuring, "study_scene", lambda *_: ([], refused))
+    monkeypatch.setattr(command, "study_scene", lambda *_: ([], refused))
     with pytest.raises(cli.StudyError, match="refused") as caught:
         pareto("--scene", "scene0", "--run", str(tmp_path))
     assert caught.value.exit_status == cli.BAD_INPUT and not list(tmp_path.iterdir())
@@ -243,7 +243,7 @@ def test_a_killed_run_leaves_the_scenes_that_were_done(
         rows = [row("opt4", 500, 61, scene=scene.name), row("opt5", 505, 61, scene=scene.name)]
         return [*rows, row("opt4", 900, 20, scene=scene.name, beaten_by={"psnr_db": "x"})], []
 
-    monkeypatch.setattr(measuring, "study_scene", study_scene)
+    monkeypatch.setattr(command, "study_scene", study_scene)
     with pytest.raises(KeyboardInterrupt):
         pareto("--scene", "scene0", "trio", "cubes", "--run", str(tmp_path))
     kept = Pareto.load(tmp_path / "pareto.json")
@@ -265,7 +265,7 @@ def test_a_second_result_takes_nothing_from_the_first(
     def study_scene(scene, *_):
         return [row("opt1", 500, next(level), scene=scene.name)], []
 
-    monkeypatch.setattr(measuring, "study_scene", study_scene)
+    monkeypatch.setattr(command, "study_scene", study_scene)
     monkeypatch.setattr(running, "draw", lambda *_: [])
     made = [pareto("--scene", name, *more).run for name, more in (
         ("scene0", []), ("trio", []), ("scene0", []),
