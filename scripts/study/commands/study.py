@@ -257,6 +257,8 @@ def run(args: argparse.Namespace) -> Outcome:
             made, height = sweep(args)
             assert made.run
             folder = made.run
+            if not analysis.load(folder).cells:
+                raise StudyError("no phase was timed: a round takes longer than --budget", cli.CANNOT_RUN)
             chapter.result = came_out(folder, timing)
         if made.ended:
             wrong.failed.append("a phase crashed")

@@ -172,6 +172,13 @@ def test_a_page_is_written_before_all_phases_are_built(done, tmp_path, monkeypat
     assert "functions" in broken
 
 
+def test_a_study_whose_budget_holds_no_round_is_refused(done, tmp_path):
+    (tmp_path / "run" / "frames.jsonl").write_text("")
+    with pytest.raises(StudyError) as caught:
+        run_study.run(arguments(tmp_path))
+    assert caught.value.exit_status == cli.CANNOT_RUN and done[-1][0] == "sweep"
+
+
 def test_a_study_says_a_line_a_chapter_and_keeps_the_remarks(done, tmp_path, monkeypatch, capsys):
     called = commands.called
 
