@@ -215,7 +215,7 @@ __attribute__((always_inline)) static inline bool distances_of(struct packet_gro
     return !still;
 }
 
-// Distances for groups of either size, out of line: a march that holds both copies is slower (opt7_tiles, scene0: 1.08).
+// Groups of either size, out of line: a march that holds both copies is slower (opt7_tiles, scene0: 1.08).
 __attribute__((noinline, unused)) static bool distances_of_either(struct packet_group *group,
                                                                   const struct prepared *scene,
                                                                   struct sole_shape *sole) {
