@@ -20,7 +20,7 @@ from study.core.registry import ROOT, Scene, Spec, find_phase
 FOLDER = "build/judge"
 SETTINGS = ("SANITIZE=1", "WARNINGS=-w")  # the sanitizers' code has warnings that the phase has not
 LINES = 24  # of their text, at most
-SECONDS, TELLING = 90.0, 10.0  # of a picture; and for the stack of one that has not ended
+SECONDS, TELLING = 90.0, 10.0  # of a picture on an idle machine; and for the stack of one that has not ended
 MB = 1 << 20
 TOLD = {
     "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=0"
@@ -118,7 +118,7 @@ def looked(spec: Spec, scene: Scene, height: int, threads: int = 1) -> Fault | N
 
 def _run(command: list[str]) -> Fault | None:
     name, begin = Path(command[0]).parent.name, time.monotonic()
-    limit = child.seconds(SECONDS)
+    limit = child.seconds(SECONDS) * max(1.0, os.getloadavg()[0] / len(run.USABLE))  # of what others leave
     asked = ["timeout", "--foreground", "--signal=FPE", f"--kill-after={TELLING}", str(limit), *command]
     with sandbox.unlimited_memory():
         done = child.run(
@@ -134,6 +134,6 @@ def _run(command: list[str]) -> Fault | None:
         return None  # what it does not draw, and that it cannot run here, others say
     if time.monotonic() - begin >= limit:
         return fault_of(
-            done.stderr, f"{name}: no end after {limit:g} s ({child.LIMIT} allows more)", late=True
+            done.stderr, f"{name}: no end after {limit:.3g} s ({child.LIMIT} allows more)", late=True
         )
     return fault_of(done.stderr, f"{name}: status {done.returncode}")

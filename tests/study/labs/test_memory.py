@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -75,6 +76,18 @@ def test_what_has_not_ended_is_said_to_be_late(text: str, kind: str, said: str) 
     """By the stack at which it was asked; what went wrong before is told first."""
     fault = memory.fault_of(text, "mine: no end after 9 s", late=True)
     assert fault.kind == kind and re.match(said, fault.said)
+
+
+@pytest.mark.parametrize(("load", "times"), [(0.1, 1), (8.0, 8)])
+def test_a_picture_has_more_time_on_a_busy_machine(monkeypatch, load: float, times: float) -> None:
+    asked = []
+    monkeypatch.delenv("STEPWISE_CHILD_SECONDS", raising=False)
+    monkeypatch.setattr(memory.os, "getloadavg", lambda: (load * len(memory.run.USABLE), 0, 0))
+    monkeypatch.setattr(
+        memory.child, "run", lambda words, **_: asked.append(words) or SimpleNamespace(returncode=0)
+    )
+    assert memory._run(["build/judge/mine/render"]) is None
+    assert [float(word) for word in asked[0] if str(word)[:1].isdigit()] == [memory.SECONDS * times]
 
 
 def test_the_text_is_short_and_of_this_folder() -> None:

@@ -122,7 +122,8 @@ def verified(name: str, scene: Scene, height: int, least: float) -> Entry:
     entry = replace(entry, psnr_db=side.truth.shown.psnr_db, evaluations=side.evaluations)
     if not seen.passed:
         return replace(entry, out="a frame keeps something of another")
-    return entry if entry.psnr_db >= least else replace(entry, out=f"less than {least:g} dB to ground truth")
+    why = f"less than {least:g} dB to ground truth: {show.number(entry.psnr_db)}"
+    return entry if entry.psnr_db >= least else replace(entry, out=why)
 
 
 def ranked(entries: Sequence[Entry], ms: dict[str, list[float]]) -> list[Entry]:
