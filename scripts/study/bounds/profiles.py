@@ -77,7 +77,8 @@ def in_frame(kinds: Sequence[str]) -> list[bool]:
     (Between frames the driver calibrates its clocks for some milliseconds, in its own code.)
     """
     certain = [kind == "phase" if kind in ("phase", "other") else None for kind in kinds]
-    before, after = [], []
+    before: list[bool] = []
+    after: list[bool] = []
     for known, seen in ((certain, before), (certain[::-1], after)):
         last = False
         for one in known:

@@ -212,7 +212,8 @@ def _grows(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
 
 def _exact(data: Data, rows: pd.DataFrame, claim: Claim) -> Found:
     shown = ladder.ladders(rows).get(claim.scene)
-    row = {} if shown is None else next(iter(shown[shown["phase"] == claim.phase].to_dict("records")), {})
+    rows_of = [] if shown is None else shown[shown["phase"] == claim.phase].to_dict("records")
+    row: dict = next(iter(rows_of), {})
     over = row.get("fraction_over_1_255_display")
     if over is None or pd.isna(over):
         return missing(f"verification of {claim.phase} on {claim.scene}")

@@ -131,12 +131,12 @@ def _flops_gain(data: Data, claim: Claim) -> Found:
 
 def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
     points = _points(data)
-    pairs = [
+    both = [
         (phase, row, points[claim.base, phase])
         for (scene, phase), row in points.items()
         if scene == claim.scene and (claim.base, phase) in points
     ]
-    speeds = [(phase, a.flops_per_core_cycle, b.flops_per_core_cycle, a.height) for phase, a, b in pairs]
+    speeds = [(phase, a.flops_per_core_cycle, b.flops_per_core_cycle, a.height) for phase, a, b in both]
     pairs = [one for one in speeds if one[1] > 0 and one[2] > 0]
     if not pairs:
         return missing("count of what was timed")

@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -204,7 +204,7 @@ def frames(
     env_bytes: int = 0,
     timed: bool = True,
     **options: Any,
-) -> Iterator[dict[str, Any]]:
+) -> Generator[dict[str, Any], None, None]:
     """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment. Not
     `timed`: the clocks' rates are 0; without them a frame costs no more than itself."""
     options |= {"threads": threads}

@@ -214,7 +214,7 @@ class Source:
                 block.conditional, place.waiting = True, "passed"
 
     def marked(self) -> str:
-        before = {}
+        before: dict[int, list[str]] = {}
         for number, block in enumerate(self.blocks, self.first):
             before.setdefault(block.at, []).append(f"{MARKER}{number}:")
         return self._text(before, {})

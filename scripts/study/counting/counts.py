@@ -4,7 +4,7 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from study.core.cli import StudyError
 from study.counting.schema import FLOPS, Executed, Operation
@@ -62,7 +62,7 @@ class Counts:
         """Whole-numbered parts in proportion to the weights that add up to this: nothing is lost or made."""
         ends = [0, *itertools.accumulate(weights)]
 
-        def part(begin: int, end: int) -> Self:
+        def part(begin: int, end: int) -> Any:
             def of(n: int) -> int:
                 return n * end // ends[-1] - n * begin // ends[-1]
 

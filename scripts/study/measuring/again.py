@@ -43,7 +43,7 @@ def by_turns(base: Run, other: Run, checkout: Path, keys: Iterable[Key], seed: i
 
     def launch(item: tuple[Key, int], env_bytes: int) -> float:
         scene, width, height, threads, _ = key = item[0]
-        how = {"threads": threads, "cpu": cpu, "env_bytes": env_bytes}
+        how: dict = {"threads": threads, "cpu": cpu, "env_bytes": env_bytes}
         how |= {"hit_distance": plan.hit_distance, "max_steps": plan.max_steps}
         how |= {"reps": 1, "warmup": 0} if key in once else {"reps": plan.reps, "warmup": plan.warmup}
         made = launches.render(programs[item], find_scene(scene).path, height, width, timed=True, **how)

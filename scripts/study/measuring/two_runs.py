@@ -74,7 +74,7 @@ def _of_scene(sides: Sequence[Side]) -> Iterator[tuple[str, list[pd.DataFrame]]]
 
 def other_work(*sides: Side) -> dict[str, str]:
     """Scene → why its times cannot be compared: of another content, or by other limits."""
-    found = {}
+    found: dict[str, str] = {}
     for scene, both in _of_scene(sides):
         of = f"{scene}: " if scene else ""  # a program without a case
         for column in LIMITS:

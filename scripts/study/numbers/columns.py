@@ -86,7 +86,7 @@ def _height(rows: Sequence[Row], key: str) -> str:
 def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
     """The columns, with the height of the pictures in the heads (or their group's) of those to ground truth
     and against baseline: it may be another than that of the time beside them."""
-    found = []
+    found: list[Column] = []
     for of, key in ((TO_TRUTH, "truth_height"), (TO_BASE, "error_height")):
         at = of + _height(rows, key)
         heads = [(one.group.replace(of, at), one.name.replace(of, at)) for one in found or shown]

@@ -69,7 +69,8 @@ def _timed(run: Run) -> list[Cell]:
 
 def points(found: Iterable[Run], spec: str, scenes: Sequence[str] = ()) -> list[Point]:
     """One a configuration and run that timed the phase, those of one machine and work together and by age."""
-    made, last = [], {}
+    made: list[Point] = []
+    last: dict = {}
     for run in found:
         cells = analysis.by_key(_timed(run))
         context = run.context

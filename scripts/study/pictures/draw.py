@@ -233,7 +233,7 @@ def plain_log(axis) -> None:
 
 def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()) -> None:
     """One legend for all panels, right of them, in the order of the ladder."""
-    handles = {}
+    handles: dict = {}
     for axes in grid.values():
         handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     handles |= {line.get_label(): line for line in extra}

@@ -45,7 +45,7 @@ SHOWN_DB, SHOWN_SHARE = 0.05, 0.005
 
 def flatten(nested: Mapping, prefix: str = "") -> dict:
     """{"antialiased": {"psnr_db": 30}} as {"antialiased.psnr_db": 30}."""
-    flat = {}
+    flat: dict = {}
     for key, value in nested.items():
         flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {prefix + key: value}
     return flat
@@ -53,7 +53,7 @@ def flatten(nested: Mapping, prefix: str = "") -> dict:
 
 def check(phase: Phase) -> None:
     """Raises StudyError for a tolerance that is of no scene or class, bounds no metric, or has no reason."""
-    kinds = dict.fromkeys(("smooth", "fractal", *scenes()), METRICS)
+    kinds: dict[str, tuple[str, ...]] = dict.fromkeys(("smooth", "fractal", *scenes()), METRICS)
     kinds |= {TRUTH: (*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE), IDEAL: IDEAL_METRICS}
     for name, declared in phase.tolerance.items():
         where = f"{phase.name}: phase.json: tolerance.{name}"

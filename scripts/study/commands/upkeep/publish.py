@@ -100,7 +100,7 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
 def about(folder: Path, commands: list[str], caveat: str) -> str:
     """run.toml: what a reader must know of the run before its numbers."""
     context = Context.load_if_there(folder / "context.json") or Context()
-    said = {"machine": machine.name(context), "compiler": context.compiler or "unknown"}
+    said: dict[str, Any] = {"machine": machine.name(context), "compiler": context.compiler or "unknown"}
     said |= {"time": context.time or "unknown", "commit": ", ".join(provenance.commits(folder))}
     said |= {"commands": commands, "caveat": caveat}
     return "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in said.items())

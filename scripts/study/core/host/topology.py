@@ -60,7 +60,7 @@ def spread(cpu: int, threads: int, cpus: Collection[int]) -> set[int]:
     if threads <= 1 or threads > len(others):
         return {cpu} if threads <= 1 else set(ordered)
     taken = {min(siblings(cpu)): 1}
-    ranked = []
+    ranked: list[tuple[int, int, int]] = []
     for other in sorted(others, key=speed, reverse=True):  # stable: the next first
         core = min(siblings(other))
         ranked.append((taken.get(core, 0), len(ranked), other))

@@ -145,7 +145,8 @@ def _told(result: Accuracy, folder: Path, drawn: bool) -> Outcome:
         lines = [*tables.lines(result), f"FLIP: {images.FLIP_TOOL}.", f"Pictures: {folder}/images"]
     if result.rows and drawn:
         lines += running.draw(folder, tables.drawings(result))
-    remarks, failed = [], []
+    remarks: list[str] = []
+    failed: list[str] = []
     for one in result.skipped:
         text = f"{one.phase}{f' on {one.scene}' if one.scene else ''}: {one.reason}"
         (failed if one.failed else remarks).append(text if one.failed else f"skipped {text}")

@@ -102,7 +102,7 @@ def _draw(rows: Sequence[table1.Row]) -> Figure:
 
 def _answer(rows: Sequence[table1.Row]) -> str:
     """What baseline costs beside the paper's figure, and what the leanest phase saves of it."""
-    said = []
+    said: list[str] = []
     for scene in dict.fromkeys(row.scene for row in rows):
         mine = [row for row in rows if row.scene == scene]
         base = next((row for row in mine if row.phase == table1.BASE), None)

@@ -107,8 +107,8 @@ def table_rows(record: Hotspots, shown: int = SHOWN, widest: int = WIDEST) -> li
         stated = theirs(first.phase) if first.scene == "scene0" else {}
         order = sorted(first.functions, key=lambda one: -one.weight)
         names = [one.function for one in order[:shown]]
-        more = {one.function.removesuffix(LIBM): one.function for one in order[shown:] if one.weight}
-        names += [more[name] for name in stated if name in more]
+        left = {one.function.removesuffix(LIBM): one.function for one in order[shown:] if one.weight}
+        names += [left[name] for name in stated if name in left]
         beside = record.beside.get("|".join(map(str, which)), Beside(per_cycle={}, lanes_active={}))
         for name in names:
             quotient = beside.per_cycle.get(name)

@@ -80,7 +80,8 @@ def draw_roofs(
     `points`: x, y of what is drawn beside them, off which a slope's name keeps.
     """
     left, top = axes.get_xlim()[0], roofs[-1][0]
-    knees, names = [], []
+    knees: list[float] = []
+    names: list = []
     for level, speed, label in levels:
         knee = top / speed
         knees.append(knee)

@@ -45,7 +45,8 @@ def measure(args: argparse.Namespace) -> Outcome:
     scenes = registry.ROOT / "build" / "scaling" / "scenes"
     known = series(height, args.scene_seed, scenes)
     wanted = chosen(known, args.series or [*known])
-    left, rows = seconds, []
+    left = seconds
+    rows: list = []
     with temporary.folder() as scratch:
         settings = Settings(args.launches, args.seed, args.cpu, scratch)
         for number, one in enumerate(wanted):

@@ -63,7 +63,7 @@ def row_of(data: Stability, case: Case, phase: str) -> Row | None:
 
 def fragment(macro: str, *about: Any) -> str:
     """What a macro of hard_cases.html.j2 makes, in one line."""
-    known = {one.__name__: one for one in (number, anchor, value, row_of, doings)}
+    known: dict[str, Any] = {one.__name__: one for one in (number, anchor, value, row_of, doings)}
     known |= {"texts": TEXTS, "prose": html.prose}
     made = getattr(html.templates().get_template("hard_cases.html.j2", globals=known).module, macro)(*about)
     return "".join(line.strip() for line in made.splitlines()).replace("&#32;", " ")

@@ -38,9 +38,12 @@ def section(data: Data) -> Section:
     """One table with a row for each figure that an article states, then what each system's file has."""
     run = data.path
     sheet = run / "images" / f"{pictures.PICTURES}.png"
-    drawn, images = {}, {sheet: pictures.CAPTION} if sheet.exists() else {}
+    drawn: dict = {}
+    images = {sheet: pictures.CAPTION} if sheet.exists() else {}
     claims: list[Claim] = []
-    parts, notes, files = [], [], []
+    parts: list = []
+    notes: list[str] = []
+    files: list[str] = []
     for one in find_all().values():
         if one.system and (found := one.system(run)):
             claims += found.claims

@@ -76,7 +76,7 @@ class Case:
 def cases() -> tuple[Case, ...]:
     """All cases, by number. Raises StudyError for a case whose table in cases.toml lacks something."""
     texts = tomllib.loads((FOLDER / "cases.toml").read_text(encoding="utf-8"))
-    functions = {}
+    functions: dict = {}
     for path in sorted(FOLDER.glob("[!_]*.py")):
         module = vars(importlib.import_module(f"{__name__}.{path.stem}"))
         functions |= {name: one for name, one in module.items() if re.fullmatch(r"c\d\d_\w+", name)}
