@@ -17,7 +17,7 @@ from study.core.host.child import overdue, seconds
 T = TypeVar("T")
 PAUSE = 10  # s until the first line; until each next one as long as the work has taken
 LOOK = 0.2  # s between two looks at a child's work
-BAR = "{desc}: {percentage:3.0f}% |{bar:30}| {elapsed} < {remaining}  {postfix}"
+BAR = "|{bar:30}| {elapsed} < {remaining}  {postfix}"
 
 
 def duration(seconds: float) -> str:
@@ -33,12 +33,12 @@ class Progress(contextlib.AbstractContextManager["Progress"]):
         self.about, self.total, self.share = about, total, share
         self.done: float = 0
         self.begun, self.next = time.monotonic(), float(PAUSE)
-        form = {"bar_format": BAR} if share else {}
+        far = "{percentage:3.0f} % " if share else "{n_fmt} of {total_fmt} "
+        form = "{desc}: " + ("{elapsed}" if total is None else far + BAR)
         self.bar: Any = None
         if sys.stderr.isatty():
-            self.bar = tqdm(
-                total=total, desc=self.about, leave=share and not cli.listeners, dynamic_ncols=True, **form
-            )
+            kept = share and not cli.listeners
+            self.bar = tqdm(total=total, desc=about, leave=kept, dynamic_ncols=True, bar_format=form)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self.bar is not None:

@@ -60,3 +60,17 @@ def test_a_child_is_waited_for_and_looked_at(monkeypatch, capsys):
         progress.until(child, "build", lambda: 1, 3)
     assert child.returncode == 0
     assert numbers(capsys.readouterr().err)[0][:2] == [1, 3]
+
+
+@pytest.mark.parametrize(
+    ("total", "share", "shown"), [(None, False, []), (4, False, [2, 4]), (4, True, [50])]
+)
+def test_a_terminal_s_bar_has_numbers_that_mean_something(monkeypatch, capsys, total, share, shown):
+    """How many of how many, or a share; of a total that is not known the time alone, and no rate."""
+    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
+    with progress.Progress("build", total, share=share) as bar:
+        bar.to(2)
+        text = str(bar.bar)
+    far = text.partition("|")[0]
+    assert [int(word) for word in re.findall(r"\d+", re.sub(r"\d\d:\d\d", "", far))] == shown
+    assert re.search(r"\d\d:\d\d", text) and "it/s" not in text
