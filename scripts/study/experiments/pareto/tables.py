@@ -86,7 +86,7 @@ def _by_ideal(axes: Axes, rows: Sequence[Row], looks: dict) -> None:
         style = looks[row.phase, 1]
         mark = {"marker": style["marker"], "facecolor": "white", "edgecolor": style["color"]}
         _scatter(axes, [row], "psnr_ideal_db", s=75, linewidth=1.2, zorder=5, **mark)
-        draw.label(axes, row.pace, at, "with the ideal shadow", style["color"], 7)
+        draw.label(axes, row.pace, at, "ideal", style["color"], 7)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
