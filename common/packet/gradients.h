@@ -41,8 +41,9 @@ static inline struct vec cone_gradient(struct vec p, real bottom, real top, real
           up = v_select(beside, v_splat(-side[0]), side_y);
     vmask cap =
         v_cmp_lt(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
-    vreal cap_up =
-        v_select(v_cmp_gt(cap_x, zero), cap_y, v_splat(1.0f)); // over the cap: straight up
+    vmask past = v_cmp_gt(cap_x, zero);
+    cap = v_andnot(v_and(past, v_cmp_lt(cap_y, zero)), cap); // beside the rim both are one point
+    vreal cap_up = v_select(past, cap_y, v_splat(1.0f));     // over the cap: straight up
     out = v_select(cap, cap_x, out);
     up = v_select(cap, v_copysign(cap_up, p.y), up);
     vreal per_radius = out / v_max(radius, v_splat(1e-30f));

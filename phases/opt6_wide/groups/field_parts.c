@@ -2,10 +2,25 @@
 #include "groups/field.h"
 #include "shading/gradients.h"
 
+// Returns the gradient of an octahedron's distance, of any length: p less the nearest point of the face, which is at
+// max(|p| − τ, 0) with coordinates that add up to the radius (M. Held, P. Wolfe, H. Crowder, Mathematical Programming 6,
+// 1974). Where none of them is 0, and inside, the face's normal.
+static struct vec octahedron_way(struct vec p, const struct primitive *s) {
+    vfloat x = v_abs(p.x), y = v_abs(p.y), z = v_abs(p.z), one = v_splat(1.0f);
+    vfloat least = v_min(x, v_min(y, z)), most = v_max(x, v_max(y, z));
+    vfloat over = x + y + z - v_splat(s->a), third = over * v_splat(1.0f / 3.0f);
+    vfloat tau = v_max(v_max(third, v_splat(0.5f) * (over - least)), most - v_splat(s->a));
+    vmask edge = v_cmp_lt(least, third);
+    return (struct vec){v_copysign(v_select(edge, v_min(x, tau), one), p.x),
+                        v_copysign(v_select(edge, v_min(y, tau), one), p.y),
+                        v_copysign(v_select(edge, v_min(z, tau), one), p.z)};
+}
+
 // Returns the gradient of a shape's distance at p, in the shape's frame.
 static struct vec gradient_in_frame(struct vec p, const struct primitive *s) {
     struct vec g = gradient_in_axes(p, s), sines, cosines;
     switch ((int)s->type) {
+    case SHAPE_OCTAHEDRON: g = octahedron_way(p, s); break;
     case SHAPE_CAPSULE: g.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c)); break;
     case SHAPE_ELLIPSOID: {
         struct vec unit = per_radius(p, s);
