@@ -94,19 +94,18 @@ static vfloat march_ratio(const struct field *field, const struct program *progr
 
 // The same for a blend of spheres, whose slope is known: d(f/t)/dt is `turn`/t². Where that changes its sign between two
 // points the least ratio is near the secant's root, and the ray then goes on from the second.
-static vfloat march_spheres_ratio(const struct field *field, const int *list, int count,
-                                  struct vec o, struct vec d, vmask active, vfloat near, vfloat far,
-                                  vfloat best, vfloat room) {
+static vfloat march_spheres_ratio(const struct field *field, const struct met_ball *met, int count,
+                                  vmask active, vfloat near, vfloat far, vfloat best, vfloat room) {
     vfloat zero = v_splat(0.0f), one = v_splat(1.0f), t = near, from = near, last = zero, on = zero;
     // On the surface that it leaves, a ray's field is 0 but for rounding: near to it that counts in the ratio.
-    vfloat own = blend_along(field, list, count, o, d, zero).f;
+    vfloat own = blend_along(field, met, count, zero).f;
     own = v_select_or_zero(v_cmp_lt(v_abs(own), v_splat(4.0f * field->least)), own);
     for (int step = 0; step < MOST_WIDEST_STEPS && v_any(active); step++) {
         ACTIVE(v_count(active));
         COUNT(widest_step, call);
         // These quotients need not wait for the field: a larger goal makes a step shorter.
-        vfloat per = one / t, per_goal = one / (one + best - room);
-        struct field_along a = blend_along(field, list, count, o, d, t);
+        vfloat per = rcp_newton(t), per_goal = v_rcp_approx(one + best) * v_splat(1 - 0x1p-10f);
+        struct field_along a = blend_along(field, met, count, t);
         a.f = a.f - own;
         best = v_select(active, v_min(best, v_max(a.f * per, zero)), best);
         vfloat goal = best - room, excess = v_nmadd(goal, t, a.f);
@@ -119,9 +118,11 @@ static vfloat march_spheres_ratio(const struct field *field, const int *list, in
         vfloat root = v_madd((from - t) * v_rcp_approx(turn - last), turn, t);
         vmask over = v_andnot(back, v_and(v_cmp_lt(last, zero), v_cmp_gt(turn, zero)));
         vfloat ahead = v_select(back, on, t + v_max(next, least));
-        // A ray is done if no ratio before the end can be below its best.
-        vfloat none_less = bent_root(v_nmadd(best, t, a.f), a.slope - best, a.bend);
-        vmask done = v_andnot(v_or(back, over), v_cmp_ge(none_less, far - t));
+        // A ray is done if no ratio before the end can be below its best: what bends down is least at an end.
+        vfloat rest = far - t, half_bend = a.bend * v_splat(0.5f * (1 + 0x1p-10f));
+        vfloat at_end =
+            v_madd(v_nmadd(half_bend, rest, a.slope - best), rest, v_nmadd(best, t, a.f));
+        vmask done = v_andnot(v_or(back, over), v_cmp_ge(at_end, zero));
         on = v_select_or_zero(over, ahead);
         active =
             v_and(active, v_and(v_or(v_or(back, over), v_cmp_lt(t, far)), v_cmp_gt(best, zero)));
@@ -151,12 +152,6 @@ static vfloat ratio_of_sphere(const struct field *f, int i, struct vec o, struct
     return v_min(best, v_max(ratio, zero));
 }
 
-// A ball's centre as a ray sees it.
-struct met_ball {
-    vfloat along, square; // how far along the ray, and how far from it, squared
-    int ball;
-};
-
 // A cone of slope q about each ray: 1 − q² and its inverse.
 struct cone_slope {
     vfloat q, a, per;
@@ -183,18 +178,15 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
     // 64: see field_surface()
     int balls = f->balls.level[0].count, count = 0, kept = 0;
     const float *radii = f->balls.level[0].radius;
-    _Alignas(64) int list[balls + 1];
+    _Alignas(64) int list[balls + LANES];
     _Alignas(64) struct met_ball met[balls + 1];
     vfloat per_share = v_splat(1 / f->share), zero = v_splat(0.0f), in, out;
     struct cone_slope cone = cone_of_slope(best * per_share);
     struct beam b = beam_of(o, d, active, near, far);
     int listed = list_balls(f, &b, v_reduce_max(v_select_or_zero(active, cone.q)), f->wider, list);
     for (int i = 0; i < listed; i++) {
-        struct vec v = vec_sub(ball_centre(f, list[i]), o);
-        vfloat along = vec_dot(v, d);
-        struct vec aside = vec_along(v, d, zero - along);
         struct met_ball *m = &met[count];
-        *m = (struct met_ball){along, vec_dot(aside, aside), list[i]};
+        *m = met_by(f, list[i], o, d);
         vmask meets = meet_ball(m, &cone, radii[list[i]] + f->wider, &in, &out);
         meets = v_and(v_and(meets, active), v_and(v_cmp_lt(in, far), v_cmp_gt(out, near)));
         if (!v_any(meets))
@@ -227,12 +219,14 @@ static vfloat widest_of_balls(const struct field *f, struct vec o, struct vec d,
         vmask meets = meet_ball(&met[i], &cone, radii[met[i].ball] + f->wider, &in, &out);
         meets = v_and(meets, v_and(v_cmp_lt(in, end), v_cmp_gt(out, begin)));
         if (v_any(v_and(meets, active)))
-            list[kept++] = met[i].ball;
+            met[kept++] = met[i];
     }
-    if (kept == 0 || (kept == 1 && f->sphere[list[0]] > 0))
+    if (kept == 0 || (kept == 1 && f->sphere[met[0].ball] > 0))
         return best;
     if (f->blend > 0 && kept <= MOST_SPHERES)
-        return march_spheres_ratio(f, list, kept, o, d, active, begin, end, best, room);
+        return march_spheres_ratio(f, met, kept, active, begin, end, best, room);
+    for (int i = 0; i < kept; i++)
+        list[i] = met[i].ball;
     _Alignas(64) struct step steps[f->program->length];
     struct program part = part_of(f, list, kept, steps);
     return march_ratio(f, &part, o, d, active, begin, end, best, room);
@@ -252,7 +246,14 @@ vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask
     if (!v_any(active))
         return best;
     vfloat room = v_splat(ROOM * (lit < 1.0f ? lit : 1.0f));
-    if (field->balls.levels > 0 && v_all(v_or(narrow, v_not(active))))
-        return widest_of_balls(field, o, d, active, near, far, best, room);
+    if (field->balls.levels > 0 && v_all(v_or(narrow, v_not(active)))) {
+        while (v_any(active)) { // rays that begin far from each other have other balls
+            vmask here = field->blend > 0 ? points_near(o, active, field->grain) : active;
+            vfloat found = widest_of_balls(field, o, d, here, near, far, best, room);
+            best = v_select(here, found, best);
+            active = v_andnot(here, active);
+        }
+        return best;
+    }
     return march_ratio(field, field->program, o, d, active, near, far, best, room);
 }

@@ -5,6 +5,11 @@
 #include "groups/program.h"
 #include "simd/simd.h"
 
+static inline struct vec in_group(const struct field *f, struct vec p) {
+    return (struct vec){p.x + v_splat(f->centre[0]), p.y + v_splat(f->centre[1]),
+                        p.z + v_splat(f->centre[2])};
+}
+
 // A tube about the live rays of a packet: `wide` about its axis from `near` to `far`.
 struct beam {
     struct vec o, d; // the same in all lanes
@@ -17,6 +22,15 @@ static inline vfloat of_lane(vfloat a, int lane) {
     float lanes[LANES];
     v_store(a, lanes);
     return v_splat(lanes[lane]);
+}
+
+// Returns which of the points are no farther than that from the first, which is one of them.
+static inline vmask points_near(struct vec p, vmask active, float within) {
+    unsigned bits = v_mask_bits(active);
+    int lane = bits ? __builtin_ctz(bits) : 0;
+    struct vec first = {of_lane(p.x, lane), of_lane(p.y, lane), of_lane(p.z, lane)};
+    struct vec off = vec_sub(p, first);
+    return v_andnot(v_cmp_gt(vec_dot(off, off), v_splat(within * within)), active);
 }
 
 // Sets the part of the rays that counts.
@@ -40,9 +54,23 @@ static inline struct beam beam_of(struct vec o, struct vec d, vmask active, vflo
     return b;
 }
 
+// Returns the beam that is a ball about the points.
+static inline struct beam ball_about(struct vec p, vmask active) {
+    unsigned bits = v_mask_bits(active);
+    int lane = bits ? __builtin_ctz(bits) : 0;
+    vfloat zero = v_splat(0.0f);
+    struct beam b = {.o = {of_lane(p.x, lane), of_lane(p.y, lane), of_lane(p.z, lane)},
+                     .d = {zero, zero, zero},
+                     .near = zero,
+                     .far = zero};
+    struct vec off = vec_sub(p, b.o);
+    b.wide = v_sqrt(v_max_of_lanes(v_select_or_zero(active, vec_dot(off, off))));
+    return b;
+}
+
 // Returns which of the spheres i to i + LANES − 1, `more` larger, a cone of slope q about a ray of the beam may meet.
-static inline unsigned spheres_in_beam(const struct sphere_array *s, int i, const struct beam *b,
-                                       float q, float more) {
+static inline vmask spheres_in_beam(const struct sphere_array *s, int i, const struct beam *b,
+                                    float q, float more) {
     vfloat reach = v_madd(v_splat(1.5f), b->wide, v_splat(more));
     struct vec v =
         vec_sub((struct vec){v_load(s->x + i), v_load(s->y + i), v_load(s->z + i)}, b->o);
@@ -54,7 +82,7 @@ static inline unsigned spheres_in_beam(const struct sphere_array *s, int i, cons
     t = v_min(v_max(t, b->near), b->far);
     vfloat room = v_load(s->radius + i) + v_madd(v_splat(q), t, reach);
     vmask in = v_cmp_lt(v_madd(t - along, t - along, square), room * room);
-    return v_mask_bits(v_and(in, v_mask_first(s->count - i < LANES ? s->count - i : LANES)));
+    return v_and(in, v_mask_first(s->count - i < LANES ? s->count - i : LANES));
 }
 
 // Lists the balls, `more` larger, that a cone of slope q about a ray of the beam may meet. Returns their number.
@@ -63,12 +91,14 @@ static inline int list_balls(const struct field *f, const struct beam *b, float 
     const struct sphere_array *balls = &f->balls.level[0], *nodes = &f->balls.level[1];
     int count = 0, of_nodes = f->balls.levels > 1 ? nodes->count : 1;
     for (int k = 0; k < of_nodes; k += LANES) {
-        unsigned in = f->balls.levels > 1 ? spheres_in_beam(nodes, k, b, q, more) : 1;
+        unsigned in = f->balls.levels > 1 ? v_mask_bits(spheres_in_beam(nodes, k, b, q, more)) : 1;
         for (; in; in &= in - 1) {
             int i = (k + __builtin_ctz(in)) * BVH_WIDTH, end = i + BVH_WIDTH;
-            for (; i < end && i < balls->count; i += LANES)
-                for (unsigned rest = spheres_in_beam(balls, i, b, q, more); rest; rest &= rest - 1)
-                    list[count++] = i + __builtin_ctz(rest);
+            for (; i < end && i < balls->count; i += LANES) {
+                vmask met = spheres_in_beam(balls, i, b, q, more);
+                v_compress_store_lanes(met, i, 0, list + count);
+                count += v_count(met);
+            }
         }
     }
     return count;

@@ -7,18 +7,20 @@
 
 #include <string.h>
 
-static struct vec in_group(const struct field *f, struct vec p) {
-    return (struct vec){p.x + v_splat(f->centre[0]), p.y + v_splat(f->centre[1]),
-                        p.z + v_splat(f->centre[2])};
-}
-
 vfloat field_distance(const struct field *field, struct vec p) {
-    int list[MOST_SPHERES], count = field->balls.level[0].count;
+    int count = field->balls.level[0].count;
     if (field->blend > 0 && count <= MOST_SPHERES) {
-        struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-        for (int i = 0; i < count; i++)
-            list[i] = i;
-        return blend_along(field, list, count, p, still, v_splat(0.0f)).f;
+        vfloat distance[MOST_SPHERES], none[MOST_SPHERES];
+        if (count < 1)
+            __builtin_unreachable();
+        for (int i = 0; i < count; i++) {
+            COUNT(group_shape, call);
+            struct vec v = vec_sub(p, ball_centre(field, i));
+            vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f));
+            distance[i] = v_msub(square, v_rsqrt_newton(square), v_splat(field->sphere[i]));
+            none[i] = v_splat(0.0f);
+        }
+        return blend_of(field, distance, none, count).f;
     }
     p = in_group(field, p);
     vfloat f;
@@ -33,65 +35,6 @@ vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
     (void)t;
     (void)live;
     return field_distance(primitive->field, p);
-}
-
-// The same of a blend of the listed spheres, closed: normals and materials are mixed by the weights.
-static struct field_surface blend_surface(const struct field *field, const int *list, int count,
-                                          struct vec p) {
-    const struct program *program = field->program;
-    vfloat e[MOST_SPHERES], zero = v_splat(0.0f), one = v_splat(1.0f), least = v_splat(INFINITY);
-    struct vec g[MOST_SPHERES], n = {zero, zero, zero};
-    if (count < 1)
-        __builtin_unreachable();
-    for (int i = 0; i < count; i++) {
-        struct vec v = vec_sub(p, ball_centre(field, list[i]));
-        vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f)), per = v_rsqrt_newton(square);
-        e[i] = v_msub(square, per, v_splat(field->sphere[list[i]]));
-        g[i] = vec_scale(v, per);
-        least = v_min(e[i], least);
-    }
-    for (int i = 0; i < count; i++)
-        e[i] = (e[i] - least) * v_splat(field->per_blend);
-    vfloat level = level_near(e, count), sum = one, kept = zero;
-    for (int i = 0; i < count; i++) { // once more, to all bits
-        vmask in = v_cmp_lt(e[i], level);
-        sum = v_add_where(in, sum, e[i]);
-        kept = v_add_where(in, kept, one);
-    }
-    level = sum / kept;
-    struct field_surface all = {n, n, zero, zero};
-    for (int i = 0; i < count; i++) {
-        int step = field->first[field->balls.shape[list[i]]];
-        const struct group_node *m = &program->nodes[program->steps[step].node];
-        vfloat w = v_max(level - e[i], zero);
-        n = vec_along(n, g[i], w);
-        all.color = vec_along(all.color, vec_set(m->color), w);
-        all.reflectivity = v_madd(w, v_splat(m->reflectivity), all.reflectivity);
-        all.shininess = v_madd(w, v_splat(m->shininess), all.shininess);
-    }
-    all.normal = vec_scale(n, one / v_max(vec_norm(n), v_splat(1e-18f)));
-    return all;
-}
-
-// Arrays of variable length are aligned as vectors: clang 14 takes the stack below them for aligned so, and passes vectors
-// there.
-struct field_surface field_surface(const struct field *field, struct vec p, vmask found) {
-    _Alignas(64) struct step room[field->program->length];
-    _Alignas(64) int list[field->balls.level[0].count + 1];
-    struct program part = *field->program;
-    if (field->balls.levels > 0) {
-        struct vec still = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-        struct beam b = beam_of(p, still, found, v_splat(0.0f), v_splat(0.0f));
-        int count = list_balls(field, &b, 0, field->wider, list);
-        if (field->blend > 0 && count > 0 && count <= MOST_SPHERES)
-            return blend_surface(field, list, count, p);
-        if (count > 0)
-            part = part_of(field, list, count, room);
-    }
-    struct field_part at = field_parts(&part, in_group(field, p));
-    vfloat size = vec_norm(at.gradient);
-    struct vec n = vec_scale(at.gradient, v_splat(1.0f) / v_max(size, v_splat(1e-18f)));
-    return (struct field_surface){n, at.color, at.reflectivity, at.shininess};
 }
 
 enum { MOST_FIELD_STEPS = 512 };
@@ -141,9 +84,8 @@ static vmask march_field(const struct field *field, const struct program *progra
 // The same for a blend of spheres, whose slope is known: it is above the parabola of bent_root(), and near the surface
 // Newton's last step is right to `least`. guess: where a ray may come to the surface; it is looked at first. As the field
 // bends down by no more than `bend` backwards, too, there is no surface within 2·fall/bend before one.
-static vmask march_spheres(const struct field *field, const int *list, int count, struct vec o,
-                           struct vec d, vmask active, vfloat near, vfloat far, vfloat guess,
-                           vfloat *t) {
+static vmask march_spheres(const struct field *field, const struct met_ball *met, int count,
+                           vmask active, vfloat near, vfloat far, vfloat guess, vfloat *t) {
     vfloat zero = v_splat(0.0f), least = v_splat(field->least);
     vfloat curved = v_splat(field->bend / (8 * field->least));
     vmask found = v_mask_none(), leapt = v_and(v_cmp_gt(guess, near), v_cmp_lt(guess, far));
@@ -151,11 +93,11 @@ static vmask march_spheres(const struct field *field, const int *list, int count
     for (int steps = 0; steps < MOST_FIELD_STEPS && v_any(active); steps++) {
         ACTIVE(v_count(active));
         COUNT(field_step, call);
-        struct field_along a = blend_along(field, list, count, o, d, at);
+        struct field_along a = blend_along(field, met, count, at);
         vfloat fall = v_max(zero - a.slope, zero), size = v_abs(a.f);
         vmask straight = v_cmp_lt(curved * size * size, fall * fall * fall);
         vmask reached = v_cmp_lt(steps > 0 ? size : a.f, least);
-        vfloat last = a.f / v_max(fall, v_splat(1e-6f)), root = at + last;
+        vfloat last = a.f * rcp_newton(v_max(fall, v_splat(1e-6f))), root = at + last;
         vmask clear = v_cmp_lt((root - near) * a.bend, (fall + fall) * v_splat(0.99f));
         reached = v_or(v_andnot(leapt, reached), v_and(straight, v_or(clear, v_not(leapt))));
         reached = v_and(active, reached);
@@ -181,36 +123,43 @@ static vmask march_spheres(const struct field *field, const int *list, int count
 }
 
 // Returns which rays come to the surface between begin and end, by the listed children.
-static vmask enter_segment(const struct field *f, int *list, int count, struct vec o, struct vec d,
-                           vmask active, vfloat begin, vfloat end, vfloat guess, vfloat *t) {
+static vmask enter_segment(const struct field *f, const struct met_ball *met, int count,
+                           struct vec o, struct vec d, vmask active, vfloat begin, vfloat end,
+                           vfloat guess, vfloat *t) {
     if (count == 0)
         return v_mask_none();
-    if (count == 1 && f->sphere[list[0]] > 0) {
-        float shrink = f->sphere[list[0]] - f->balls.level[0].radius[list[0]];
-        struct cone_span s = ball_span(f, list[0], shrink, o, d, v_splat(0.0f));
+    if (count == 1 && f->sphere[met[0].ball] > 0) {
+        int ball = met[0].ball;
+        float shrink = f->sphere[ball] - f->balls.level[0].radius[ball];
+        struct cone_span s = ball_span(f, ball, shrink, o, d, v_splat(0.0f));
         *t = v_select(active, v_max(s.in, begin), *t);
         return v_and(v_and(active, s.met), v_and(v_cmp_gt(s.out, begin), v_cmp_lt(s.in, end)));
     }
     if (f->blend > 0 && count <= MOST_SPHERES)
-        return march_spheres(f, list, count, o, d, active, begin, end, guess, t);
+        return march_spheres(f, met, count, active, begin, end, guess, t);
+    int list[count];
+    for (int i = 0; i < count; i++)
+        list[i] = met[i].ball;
     _Alignas(64) struct step room[f->program->length];
     struct program part = part_of(f, list, count, room);
     return march_field(f, &part, o, d, active, begin, end, t);
 }
 
 // Sets where each ray is first in a ball, from near on, and where it leaves that: both far, if nowhere.
-__attribute__((always_inline)) static inline void first_stretch(const vfloat *along,
+__attribute__((always_inline)) static inline void first_stretch(const struct met_ball *met,
                                                                 const vfloat *half, int count,
                                                                 vfloat near, vfloat far,
                                                                 vfloat *begin, vfloat *end) {
     *begin = *end = far;
     for (int i = 0; i < count; i++) {
-        vfloat in = v_max(along[i] - half[i], near), out = along[i] + half[i];
+        vfloat in = v_max(met[i].along - half[i], near), out = met[i].along + half[i];
         vmask first = v_and(v_cmp_gt(out, near), v_cmp_lt(in, *begin));
         *begin = v_select(first, in, *begin);
         *end = v_select(first, v_min(out, far), *end);
     }
 }
+
+enum { FEW = 5 }; // so many balls have straight-line code
 
 // Rays within the balls alone need be marched: from one ball to the next, in the order in which a ray enters them. There a
 // child has a part if its ball is in reach, made larger by f->wider.
@@ -218,53 +167,54 @@ __attribute__((always_inline)) static inline vmask
 enter_listed(const struct field *f, const int *list, int count, struct vec o, struct vec d,
              vmask active, vfloat near, vfloat far, vfloat guess, vfloat *t) {
     const float *radii = f->balls.level[0].radius;
-    _Alignas(64) int kept[count];
-    _Alignas(64) vfloat along[count], square[count], reach[count], half[count];
+    _Alignas(64) struct met_ball met[count], kept[count];
+    _Alignas(64) vfloat reach[count], half[count];
     vfloat zero = v_splat(0.0f), within = far, none = v_splat(-INFINITY);
     vmask meets = v_mask_none(), found = meets;
     for (int i = 0; i < count; i++) {
-        struct vec v = vec_sub(ball_centre(f, list[i]), o);
         vfloat radius = v_splat(radii[list[i]]);
-        along[i] = vec_dot(v, d);
-        struct vec aside = vec_along(v, d, zero - along[i]);
-        square[i] = vec_dot(aside, aside);
-        meets = v_or(meets, v_cmp_lt(square[i], radius * radius));
+        met[i] = met_by(f, list[i], o, d);
+        meets = v_or(meets, v_cmp_lt(met[i].square, radius * radius));
     }
     if (!v_any(v_and(meets, active)))
         return found;
     for (int i = 0; i < count; i++) { // within a child a ray is within the union, too
         vfloat child = v_splat(f->sphere[list[i]] * (1 - 0x1p-9f)),
-               in = v_msub(child, child, square[i]);
-        vfloat first = along[i] - v_sqrt_below(v_max(in, v_splat(1e-30f)));
+               in = v_msub(child, child, met[i].square);
+        vfloat first = met[i].along - v_sqrt_below(v_max(in, v_splat(1e-30f)));
         vmask enters = v_and(v_cmp_gt(in, zero), v_cmp_gt(first, near));
         within = v_select(enters, v_min(first, within), within);
     }
     int needed = 0;
     for (int i = 0; i < count; i++) {
         vfloat radius = v_splat(radii[list[i]] + f->wider),
-               inside = v_msub(radius, radius, square[i]);
+               inside = v_msub(radius, radius, met[i].square);
         vfloat root = root_above(inside);
-        vmask met = v_and(v_cmp_gt(inside, zero), v_cmp_lt(along[i] - root, within));
-        reach[i] = v_select(met, root, none);
-        needed += v_any(v_and(met, active));
+        vmask in = v_and(v_cmp_gt(inside, zero), v_cmp_lt(met[i].along - root, within));
+        int at = count > FEW ? needed : i;
+        reach[at] = v_select(in, root, none);
+        met[at] = met[i];
+        needed += v_any(v_and(in, active));
     }
     float less = less_drop(f, needed);
+    count = count > FEW ? needed : count;
     for (int i = 0; i < count; i++) {
-        vfloat radius = v_splat(radii[list[i]] + less), inside = v_msub(radius, radius, square[i]);
+        vfloat radius = v_splat(radii[met[i].ball] + less),
+               inside = v_msub(radius, radius, met[i].square);
         half[i] = v_select(v_cmp_gt(inside, zero), root_above(inside), none);
     }
     while (v_any(active)) {
         vfloat begin, end;
-        first_stretch(along, half, count, near, far, &begin, &end);
+        first_stretch(met, half, count, near, far, &begin, &end);
         active = v_and(active, v_cmp_lt(begin, end));
         if (!v_any(active))
             break;
         int parts = 0;
         for (int i = 0; i < count; i++) {
-            vmask met =
-                v_and(v_cmp_lt(along[i] - reach[i], end), v_cmp_gt(along[i] + reach[i], begin));
-            kept[parts] = list[i];
-            parts += v_any(v_and(met, active));
+            vmask in = v_and(v_cmp_lt(met[i].along - reach[i], end),
+                             v_cmp_gt(met[i].along + reach[i], begin));
+            kept[parts] = met[i];
+            parts += v_any(v_and(in, active));
         }
         vmask here = enter_segment(f, kept, parts, o, d, active, begin, end, guess, t);
         found = v_or(found, here);
@@ -339,6 +289,27 @@ static vfloat expected_hit(const struct field_rays *r, int before) {
 
 enum { MOST_OF_ROW = 10 };
 
+// Copies the listed balls, so that they stand side by side.
+static void gather_balls(const struct sphere_array *from, const int *list,
+                         struct sphere_array *to) {
+    for (int i = 0; i < to->count; i++) {
+        to->x[i] = from->x[list[i]];
+        to->y[i] = from->y[list[i]];
+        to->z[i] = from->z[list[i]];
+        to->radius[i] = from->radius[list[i]];
+    }
+}
+
+// A tube about camera rays from o, as long as that of the row.
+static inline struct beam beam_in_row(const struct beam *row, struct vec d, vmask active) {
+    struct beam b = *row;
+    int lane = __builtin_ctz(v_mask_bits(active));
+    b.d = (struct vec){of_lane(d.x, lane), of_lane(d.y, lane), of_lane(d.z, lane)};
+    struct vec turn = vec_sub(d, b.d);
+    b.wide = v_sqrt(v_max_of_lanes(v_select_or_zero(active, vec_dot(turn, turn)))) * b.far;
+    return b;
+}
+
 void field_row(const struct field *f, struct vec o, struct field_rays *rays, int packets) {
     vfloat zero = v_splat(0.0f), radius = v_splat(f->radius), away = vec_norm(o), apart = zero;
     struct vec axis = rays[packets / 2].d;
@@ -350,8 +321,15 @@ void field_row(const struct field *f, struct vec o, struct field_rays *rays, int
     }
     struct beam b = {o, axis, v_max_of_lanes(v_sqrt(apart)) * (away + radius),
                      v_max(away - radius, zero), away + radius};
-    _Alignas(64) int list[f->balls.level[0].count + 1];
+    _Alignas(64) int list[f->balls.level[0].count + LANES];
     int count = list_balls(f, &b, 0, f->wider, list);
+    // A packet meets fewer.
+    _Alignas(64) int kept[count + LANES];
+    int room = (count + LANES) / LANES * LANES;
+    _Alignas(64) float spheres[4][room];
+    struct sphere_array row = {count, spheres[0], spheres[1], spheres[2], spheres[3]};
+    if (count > MOST_OF_ROW)
+        gather_balls(&f->balls.level[0], list, &row);
     for (int i = 0; count > 0 && i < packets; i++) {
         struct field_rays *r = &rays[i];
         vfloat before = zero - vec_dot(o, r->d), in = zero;
@@ -364,12 +342,17 @@ void field_row(const struct field *f, struct vec o, struct field_rays *rays, int
             continue;
         vfloat near = v_max(zero - half, zero - before);
         int listed = count;
-        if (count > MOST_OF_ROW) { // a packet meets fewer
-            struct beam narrow = beam_of(c, r->d, active, near, half);
-            listed = list_balls(f, &narrow, 0, f->wider, list);
+        if (count > MOST_OF_ROW) {
+            struct beam narrow = beam_in_row(&b, r->d, active);
+            listed = 0;
+            for (int k = 0; k < count; k += LANES) {
+                vmask met = spheres_in_beam(&row, k, &narrow, 0, f->wider);
+                v_compress_store_int(met, list + k, kept + listed);
+                listed += v_count(met);
+            }
         }
-        r->met = enter_balls(f, list, listed, c, r->d, active, near, half,
-                             expected_hit(r, i) - before, &in);
+        r->met = enter_balls(f, count > MOST_OF_ROW ? kept : list, listed, c, r->d, active, near,
+                             half, expected_hit(r, i) - before, &in);
         r->t = before + in;
         r->point = vec_along(c, r->d, in);
         r->met = v_and(r->met, v_cmp_gt(r->t, zero));
@@ -379,7 +362,7 @@ void field_row(const struct field *f, struct vec o, struct field_rays *rays, int
 vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active, vfloat near,
                   vfloat far, vfloat *t) {
     if (field->balls.levels > 0) {
-        _Alignas(64) int list[field->balls.level[0].count + 1];
+        _Alignas(64) int list[field->balls.level[0].count + LANES];
         struct beam b = beam_of(o, d, active, near, far);
         int count = list_balls(field, &b, 0, field->wider, list);
         return enter_balls(field, list, count, o, d, active, near, far, v_splat(-INFINITY), t);

@@ -41,11 +41,13 @@ __attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, 
     }
 }
 
-// Returns τ of three or four distances, where Σ max(τ − d, 0) = k. A part of that sum is no more than all of it. So τ is
+// Returns τ of two to four distances, where Σ max(τ − d, 0) = k. A part of that sum is no more than all of it. So τ is
 // the least of the means (k + Σ d)/n of the n nearest.
 __attribute__((always_inline)) static inline vfloat level_of_few(const vfloat *d, int count,
                                                                  vfloat blend) {
     vfloat low = v_min(d[0], d[1]), high = v_max(d[0], d[1]), part = v_splat(1.0f / 3);
+    if (count == 2)
+        return v_min(low + blend, v_splat(0.5f) * (d[0] + d[1] + blend));
     vfloat least = v_min(low, d[2]), three = d[0] + d[1] + d[2], two = three - v_max(high, d[2]);
     vfloat all = three;
     if (count == 4) {
@@ -62,19 +64,22 @@ __attribute__((always_inline)) static inline vfloat level_of_few(const vfloat *d
     return level;
 }
 
-// Returns the blend of 1 to MOST_SPHERES listed spheres. `count` is a constant where this is inlined with one.
+// A ball as a ray sees it: how far along the ray its centre is, and how far from the ray, squared.
+struct met_ball {
+    vfloat along, square;
+    int ball;
+};
+
+static inline struct met_ball met_by(const struct field *f, int i, struct vec o, struct vec d) {
+    struct vec v = vec_sub(ball_centre(f, i), o);
+    vfloat along = vec_dot(v, d);
+    struct vec aside = vec_along(v, d, v_splat(0.0f) - along);
+    return (struct met_ball){along, vec_dot(aside, aside), i};
+}
+
+// Returns the blend of 1 to MOST_SPHERES distances. `count` is a constant where this is inlined with one.
 __attribute__((always_inline)) static inline struct field_along
-blend_of(const struct field *field, const int *list, int count, struct vec p, struct vec d) {
-    vfloat distance[MOST_SPHERES], slope[MOST_SPHERES];
-    if (count < 1)
-        __builtin_unreachable();
-    for (int i = 0; i < count; i++) {
-        COUNT(group_shape, call);
-        struct vec v = vec_sub(p, ball_centre(field, list[i]));
-        vfloat square = v_max(vec_dot(v, v), v_splat(1e-30f)), per = v_rsqrt_newton(square);
-        distance[i] = v_msub(square, per, v_splat(field->sphere[list[i]]));
-        slope[i] = vec_dot(v, d) * per;
-    }
+blend_of(const struct field *field, const vfloat *distance, const vfloat *slope, int count) {
     if (count == 2)
         return blend_of_two(distance, slope, field->blend, field->per_blend);
     vfloat blend = v_splat(field->blend), level, zero = v_splat(0.0f);
@@ -103,17 +108,37 @@ blend_of(const struct field *field, const int *list, int count, struct vec p, st
     return (struct field_along){f, along * per, spread * per};
 }
 
-// Returns the blend of 1 to MOST_SPHERES listed spheres at o + t·d.
+// Returns the blend of spheres at t along their ray.
 __attribute__((always_inline)) static inline struct field_along
-blend_along(const struct field *field, const int *list, int count, struct vec o, struct vec d,
-            vfloat t) {
-    struct vec p = vec_along(o, d, t);
-    switch (count) {
-    case 2: return blend_of(field, list, 2, p, d);
-    case 3: return blend_of(field, list, 3, p, d);
-    case 4: return blend_of(field, list, 4, p, d);
-    default: return blend_of(field, list, count > 1 ? count : 1, p, d);
+blend_at(const struct field *field, const struct met_ball *met, int count, vfloat t) {
+    vfloat distance[MOST_SPHERES], slope[MOST_SPHERES];
+    if (count < 1)
+        __builtin_unreachable();
+    for (int i = 0; i < count; i++) {
+        COUNT(group_shape, call);
+        vfloat x = t - met[i].along, square = v_max(v_madd(x, x, met[i].square), v_splat(1e-30f)),
+               per = v_rsqrt_newton(square);
+        distance[i] = v_msub(square, per, v_splat(field->sphere[met[i].ball]));
+        slope[i] = x * per;
     }
+    return blend_of(field, distance, slope, count);
+}
+
+// The same; a count that is known has straight-line code.
+__attribute__((always_inline)) static inline struct field_along
+blend_along(const struct field *field, const struct met_ball *met, int count, vfloat t) {
+    switch (count) {
+    case 2: return blend_at(field, met, 2, t);
+    case 3: return blend_at(field, met, 3, t);
+    case 4: return blend_at(field, met, 4, t);
+    default: return blend_at(field, met, count > 1 ? count : 1, t);
+    }
+}
+
+// Returns 1/a to an ulp or two.
+static inline vfloat rcp_newton(vfloat a) {
+    vfloat per = v_rcp_approx(a);
+    return per * v_nmadd(a, per, v_splat(2.0f));
 }
 
 // Returns the root of a > 0, or up to 2⁻⁹ more.
