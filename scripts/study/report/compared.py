@@ -32,10 +32,11 @@ def _evaluations(path: Path) -> tuple[np.ndarray, int] | None:
 
 def _files(data: Data) -> list[tuple[str, str, int, Path]]:
     """Scene, phase, pixels across as verified, and PNG: of each scene the reference, then its phases;
-    what the run still has."""
+    what the run still has. Scenes that were given by a path come first."""
     found: dict[tuple[str, str], tuple[int, Path]] = {}
     scenes = {pair.scene for pair in data.pairs}
-    for scene in [*(one for one in FIRST if one in scenes), *sorted(scenes - {*FIRST})]:
+    first = [one for one in (*data.context.scenes, *FIRST) if one in scenes]
+    for scene in [*first, *sorted(scenes - {*first})]:
         for pair in data.pairs:
             for who, png in ((pair.reference, pair.reference_png), (pair.phase, pair.png)):
                 if pair.scene == scene and png and (data.path / png).is_file():

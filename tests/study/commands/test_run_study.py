@@ -32,6 +32,14 @@ def test_every_experiment_calls_its_commands_rightly(name, depth, asked):
         commands.parser_of(known[call.command]).parse_args(list(map(str, call.arguments)))
 
 
+@pytest.mark.parametrize("name", ["verify", "accuracy"])
+def test_a_scene_of_a_path_is_judged_too(name):
+    study = Study(FIXTURE, ["mine"], 90, "quick", False)
+    words = list(ALL[name].commands(study)[0].arguments)
+    scenes = words[words.index("--scene") + 1 :]
+    assert "mine" in scenes[: next((n for n, word in enumerate(scenes) if word.startswith("-")), None)]
+
+
 def test_an_experiment_calls_its_own_command_unless_it_says_more():
     toy = Experiment("toy", "a toy", 1, {})
     assert toy.commands(study_of("quick")) == [Call("toy", ["--run", str(FIXTURE)], may_lack=True)]

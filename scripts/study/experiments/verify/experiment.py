@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.core import registry
 from study.experiments.experiment import Call, Experiment, Study
 from study.experiments.verify import chapter, command
 from study.numbers import analysis
@@ -11,8 +12,8 @@ LEAST, QUICK = 180, 90  # pixels of height
 
 
 def calls(study: Study) -> list[Call]:
-    """Verifies every scene, but a quick study compiles no kernel for scenes that it does not time. Shares of
-    pixels need pictures that are not too small.
+    """Verifies every scene, and what it times by a path. But a quick study compiles no kernel for scenes that
+    it does not time. Shares of pixels need pictures that are not too small.
     """
     specs = dict.fromkeys(cell.spec for cell in analysis.load(study.run).cells if cell.spec != "baseline")
     averaged = {"full": "180", "standard": "90"}.get(study.depth, "45")
@@ -20,7 +21,8 @@ def calls(study: Study) -> list[Call]:
     size = ["-n", str(height), "--antialias-n", averaged]
     run = ["--run", str(study.run), *(["--left-scene", *study.scenes] if study.quick else [])]
     sheet = [] if study.asked else [Call("pictures", ["--run", str(study.run)])]
-    return [Call("verify", ["--phase", *specs, *size, *run]), *sheet]
+    scenes = dict.fromkeys([*registry.scenes(), *study.scenes])
+    return [Call("verify", ["--phase", *specs, "--scene", *scenes, *size, *run]), *sheet]
 
 
 EXPERIMENT = Experiment(
