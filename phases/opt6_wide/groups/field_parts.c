@@ -83,14 +83,27 @@ static struct field_part folded_part(const struct step *step, const struct group
     return all;
 }
 
-// Takes a gradient from a node's frame, twisted, to its parent's.
-static struct vec gradient_left(struct vec g, struct node_point at, struct vec p, vfloat inside,
-                                const struct group_node *n) {
+// Takes a gradient to points outside of the twist's cylinder: they see the field f of its nearest point, or the way to it.
+static struct vec outside_twist(struct vec g, struct vec q, vfloat f, const struct group_node *n) {
+    vfloat off = v_sqrt(v_madd(q.x, q.x, q.z * q.z)), most = v_splat(n->twist_radius);
+    vfloat per = v_splat(1.0f) / v_max(off, v_splat(1e-18f)), zero = v_splat(0.0f);
+    struct vec out = {q.x * per, zero, q.z * per};
+    vfloat across = v_madd(out.x, g.x, out.z * g.z), scale = most * per;
+    struct vec near = {v_nmadd(out.x, across, g.x) * scale, g.y,
+                       v_nmadd(out.z, across, g.z) * scale};
+    near = vec_select(v_cmp_gt(off - most, f), out, near);
+    return vec_select(v_cmp_gt(off, most), near, g);
+}
+
+// Takes a gradient from a node's frame, twisted, to its parent's. f: the field before the displacement; inside: after.
+static struct vec gradient_left(struct vec g, struct node_point at, struct vec p, vfloat f,
+                                vfloat inside, const struct group_node *n) {
     if (n->twist != 0) {
         vfloat angle = v_splat(n->twist) * at.q.y, s = v_sin(angle), c = v_cos(angle);
         vfloat turning = v_msub(g.z, at.r.x, g.x * at.r.z);
         g = (struct vec){v_madd(c, g.x, s * g.z), v_madd(v_splat(n->twist), turning, g.y),
                          v_msub(c, g.z, s * g.x)};
+        g = outside_twist(g, at.q, f, n);
     }
     if (n->amplitude > 0) {
         struct vec w = waves(at.q, n);
@@ -117,7 +130,7 @@ __attribute__((noinline)) static void leave_part(const struct group_node *n, con
                                                  struct field_part *part) {
     struct node_point at = point_in(*p, n);
     vfloat inside = displaced(part->f, at, n); // which side of a shell is it?
-    part->gradient = gradient_left(part->gradient, at, *p, inside, n);
+    part->gradient = gradient_left(part->gradient, at, *p, part->f, inside, n);
     part->f = shelled(inside, n);
 }
 

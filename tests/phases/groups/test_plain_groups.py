@@ -129,7 +129,7 @@ def test_materials_are_the_deciding_childs_or_mixed_by_the_weights(phase, tmp_pa
 
 @each
 def test_normals_away_from_a_solids_own_surface_are_baselines(phase, tmp_path):
-    """Shells and a blend have the gradients of points that lie over edges, corners and rims."""
+    """Shells, blends and what grows have the gradients of points over edges, corners, rims and cylinders."""
     turned = {"rotation_degrees": [20, 30, 10]}
     solids = [
         shape("octahedron", radius=0.6),
@@ -140,9 +140,11 @@ def test_normals_away_from_a_solids_own_surface_are_baselines(phase, tmp_path):
     cut = group("difference", sphere(radius=0.7), shape("octahedron", radius=0.6, position=[0.2, 0, -0.6]))
     shapes = [moved(one | turned | {"shell": 0.1}, [1.6 * i - 3.2, 0, 0]) for i, one in enumerate(solids)]
     shapes.append(moved(cut | {"blend": 0.2}, [3.2, 0, 0]))
-    camera = {"position": [0, 0, -12], "look_at": [0, 0, 0], "vertical_fov_degrees": 8}
+    shapes.append(moved(group("union", box(twist=1.6), offset=0.1), [0, 1.4, 0]))  # beyond its cylinder
+    camera = {"position": [0, 0, -12], "look_at": [0, 0, 0], "vertical_fov_degrees": 20}
     whole = scene(shapes, camera=camera, light={"shadows": "none"})
-    a, b = (picture(name, whole, tmp_path, size=(200, 40)) for name in ("baseline", phase))
+    a, b = (picture(name, whole, tmp_path, size=(200, 90)) for name in ("baseline", phase))
     seen = (a["id"] >= 0) & (a["id"] == b["id"])
     off = np.linalg.norm([a[axis] - b[axis] for axis in ("N.x", "N.y", "N.z")], axis=0)[seen]
-    assert seen.sum() > 2000 and (off > 0.02).sum() == 0, (seen.sum(), (off > 0.02).sum(), off.max())
+    turned_away = (off > 0.02).sum()  # on a crease baseline's differences see both sides
+    assert seen.sum() > 2000 and turned_away <= 4, (seen.sum(), turned_away, off.max())
