@@ -19,17 +19,22 @@ static inline vfloat v_log(vfloat a) {
     return v_madd(e, v_splat(0.693359375f), f + low_part);
 }
 
+// exp a for |a| < 0.346 (half of ln 2): v_exp(a), to the bit.
+static inline vfloat v_exp_near_0(vfloat a) {
+    vfloat p = v_madd(a, v_splat(0.001392617612f), v_splat(0.0083631730745f));
+    p = v_madd(a, p, v_splat(0.041666554662f));
+    p = v_madd(a, p, v_splat(0.16666577026f));
+    p = v_madd(a, p, v_splat(0.5f));
+    return v_splat(1.0f) + v_madd(a * a, p, a);
+}
+
 // exp a; below −87 it stays at exp(−87) = 2e-38, above 88 at exp(88).
 static inline vfloat v_exp(vfloat a) {
     a = v_min(v_max(a, v_splat(-87.0f)), v_splat(88.0f));
     vfloat n = v_round(a * v_splat(1.44269504f));
     vfloat r = v_nmadd(n, v_splat(0.693359375f), a);
     r = v_nmadd(n, v_splat(-2.12194440e-4f), r);
-    vfloat p = v_madd(r, v_splat(0.001392617612f), v_splat(0.0083631730745f));
-    p = v_madd(r, p, v_splat(0.041666554662f));
-    p = v_madd(r, p, v_splat(0.16666577026f));
-    p = v_madd(r, p, v_splat(0.5f));
-    return v_ldexp(v_splat(1.0f) + v_madd(r * r, p, r), n);
+    return v_ldexp(v_exp_near_0(r), n);
 }
 
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).

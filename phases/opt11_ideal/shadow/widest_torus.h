@@ -11,7 +11,7 @@ struct ring_part {
     vmask active;
 };
 
-enum { RING_PARTS = 4, RING_STACK = 32, MOST_RING_PARTS = 256 };
+enum { RING_STACK = 32, MOST_RING_PARTS = 256 };
 
 // The distance from the axis times u.
 INLINE vfloat ring_radius(const struct cone_rays *r, vfloat u) {
@@ -43,12 +43,9 @@ static vfloat widest_in_ring(const struct cone_rays *r, vfloat from, vfloat to,
                              const struct primitive *s, vfloat best, vmask active, vfloat room) {
     struct ring_part stack[RING_STACK];
     vfloat zero = v_splat(0.0f), high = v_splat(1.0f) / from, low = v_splat(1.0f) / to;
-    vfloat wide = (high - low) * v_splat(1.0f / RING_PARTS), least = wide * v_splat(1e-5f);
-    int count = 0;
-    for (; count < RING_PARTS; count++) {
-        vfloat begin = v_madd(wide, v_splat((float)count), low);
-        stack[count] = (struct ring_part){begin, begin + wide, active};
-    }
+    vfloat least = (high - low) * v_splat(2.5e-6f);
+    int count = 1;
+    stack[0] = (struct ring_part){low, high, active};
     for (int parts = 0; count > 0 && parts < MOST_RING_PARTS; parts++) {
         struct ring_part part = stack[--count];
         vfloat u, bound = ring_bound(r, &part, s, &u);

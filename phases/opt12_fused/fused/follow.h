@@ -130,17 +130,28 @@ INLINE void keep_in_bounds(struct vec o, struct vec d, struct vec p, struct surf
     hit->found = v_and(hit->found, in);
 }
 
-// Sets the mirror rays of the lanes that see shape i.
-INLINE void reflect(int i, const struct seen *at, vfloat weight, struct mirror_rays *next) {
+// Sets the mirror rays of all lanes, as if each saw shape i.
+INLINE void reflect_all(int i, const struct seen *at, vfloat weight, struct mirror_rays *next) {
     const struct primitive *s = SHAPE(i);
-    if (!(s->share > 0.0f) || scene_known.model.march.max_bounces <= 0)
-        return;
     struct vec n = s->eval == EVAL_LINEAR ? vec_set(s->normal) : at->n;
     vfloat offset = v_splat((float)scene_known.model.march.surface_offset);
-    next->origin = vec_select(at->m, vec_along(at->p, n, offset), next->origin);
-    next->direction = vec_select(at->m, vec_reflect(at->d, n), next->direction);
-    next->weight = v_select(at->m, weight * v_splat(s->share), next->weight);
-    next->leaves = v_select(at->m, v_splat(s->index), next->leaves);
+    next->origin = vec_along(at->p, n, offset);
+    next->direction = vec_reflect(at->d, n);
+    next->weight = weight * v_splat(s->share);
+    next->leaves = v_splat(s->index);
+    next->active = at->m;
+}
+
+// Sets the mirror rays of the lanes that see shape i.
+INLINE void reflect(int i, const struct seen *at, vfloat weight, struct mirror_rays *next) {
+    struct mirror_rays all;
+    if (!(SHAPE(i)->share > 0.0f) || scene_known.model.march.max_bounces <= 0)
+        return;
+    reflect_all(i, at, weight, &all);
+    next->origin = vec_select(at->m, all.origin, next->origin);
+    next->direction = vec_select(at->m, all.direction, next->direction);
+    next->weight = v_select(at->m, all.weight, next->weight);
+    next->leaves = v_select(at->m, all.leaves, next->leaves);
     next->active = v_or(next->active, at->m);
 }
 

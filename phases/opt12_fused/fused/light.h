@@ -118,12 +118,22 @@ INLINE vfloat light_share(vfloat best) {
     return v_min(v_splat((float)scene_known.model.shadow_strength) * best, v_splat(1.0f));
 }
 
-// Returns how much of a colour comes through the fog from p.
-INLINE vfloat through_fog(struct vec p) {
+// Returns how much of a colour comes through the fog from p, which is no further than `far` from the origin. If little
+// fog is before that, the exponential has the same bits without being reduced.
+INLINE vfloat through_fog(struct vec p, double far) {
     if (!scene_known.model.features.fog)
         return v_splat(1.0f);
     vfloat square = v_max(vec_dot(p, p), v_splat(1e-30f)), root = square * v_rsqrt_newton(square);
-    return v_exp(v_splat((float)-scene_known.model.fog) * square * root);
+    vfloat power = v_splat((float)-scene_known.model.fog) * square * root;
+    return scene_known.model.fog * far * far * far < 0.34 ? v_exp_near_0(power) : v_exp(power);
+}
+
+// Returns a bound of the distance of points of shape i from the origin.
+INLINE double farthest_of(int i) {
+    const struct primitive *s = SHAPE(i);
+    double square =
+        s->centre[0] * s->centre[0] + s->centre[1] * s->centre[1] + s->centre[2] * s->centre[2];
+    return s->eval == EVAL_LINEAR ? INFINITY : sqrt(square) + s->bound;
 }
 
 INLINE vfloat highlight(const struct primitive *s, vfloat shine) {
@@ -220,7 +230,7 @@ INLINE void shade_seen(int i, const struct vec base[ROWS], const struct seen at[
     vfloat reach[ROWS], specular[ROWS], share[ROWS];
     vmask front[ROWS];
     EACH_ROW(k) {
-        weight[k] = through_fog(at[k].p) * at[k].weight;
+        weight[k] = through_fog(at[k].p, i < 0 ? INFINITY : farthest_of(i)) * at[k].weight;
         struct vec l = vec_sub(vec_set(f->light), at[k].p);
         vfloat along = flat ? add_dot(s->normal, l) : vec_dot(at[k].n, l);
         vfloat down = flat ? add_dot(s->normal, at[k].d) : vec_dot(at[k].n, at[k].d);

@@ -193,15 +193,44 @@ INLINE void sphere_span(int i, const struct fused *f, const struct row r[ROWS],
             set_seen(&at[k], v_mask_all(), local, p, vec_scale(up, v_splat(1.0f / s->a)), d,
                      v_splat(1.0f));
             color[k] = (struct vec){zero, zero, zero};
-            no_mirror_rays(&next[k]);
         }
         shade_shape(i, at, f->frame.pair[i], f, color, weight);
-        EACH_ROW(k) reflect(i, &at[k], weight[k], &next[k]);
+        EACH_ROW(k) reflect_all(i, &at[k], weight[k], &next[k]);
         if (s->share > 0.0f && scene_known.model.march.max_bounces > 0)
             follow_mirror(next, f->frame.mirror[i], i, f, color);
         EACH_ROW(k) put(f, &r[k], x, color[k]);
     }
 }
+
+// A convex solid that is no mirror, each pixel well inside of its outline.
+INLINE void solid_span(int i, const struct fused *f, const struct row r[ROWS],
+                       const struct fused_span *span, const struct job *job) {
+    vfloat zero = v_splat(0.0f);
+    for (int x = span->x0; x < span->x1; x += LANES) {
+        struct seen at[ROWS];
+        struct vec color[ROWS];
+        vfloat weight[ROWS];
+        EACH_ROW(k) {
+            struct vec d = look_at_edges(f, &r[k], x);
+            struct surface_hit hit;
+            no_hit(&hit);
+            camera_hit(i, d, v_mask_all(), job->cameras, job->prepared, &hit);
+            set_seen(&at[k], hit.found, hit.local, vec_along(vec_set(f->eye), d, hit.t),
+                     normal_towards(i, hit.local, d), d, v_splat(1.0f));
+            color[k] = (struct vec){zero, zero, zero};
+        }
+        shade_shape(i, at, f->frame.pair[i], f, color, weight);
+        EACH_ROW(k) put(f, &r[k], x, color[k]);
+    }
+}
+
+#define SPAN(i)                                                                                    \
+    NOINLINE void solid_span_##i(const struct fused *f, const struct row r[ROWS],                  \
+                                 const struct fused_span *span, const struct job *job) {           \
+        solid_span(i, f, r, span, job);                                                            \
+    }
+EACH_SOLID(SPAN)
+#undef SPAN
 
 #define SPAN(i)                                                                                    \
     NOINLINE void plane_span_##i(const struct fused *f, const struct row r[ROWS],                  \
@@ -240,6 +269,11 @@ static void draw_span(const struct fused *f, const struct row r[ROWS],
 #define SPAN(i)                                                                                    \
     if (SHAPE(i)->type == SHAPE_SPHERE && span->kind == SPAN_SOLID && span->shape == (i)) {        \
         sphere_span(i, f, r, span, job);                                                           \
+        return;                                                                                    \
+    }                                                                                              \
+    if (SHAPE(i)->convex && !(SHAPE(i)->share > 0.0f) && span->kind == SPAN_SOLID &&               \
+        span->shape == (i)) {                                                                      \
+        solid_span_##i(f, r, span, job);                                                           \
         return;                                                                                    \
     }
     EACH_SOLID(SPAN)

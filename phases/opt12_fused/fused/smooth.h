@@ -39,7 +39,8 @@ INLINE void light_nodes(int i, struct vec d, const struct fused *f, struct plane
     struct vec v = to_plane(i, d, f),
                p = {v.x + v_splat(f->eye[0]), v.y + v_splat(f->eye[1]), v.z + v_splat(f->eye[2])};
     struct vec l = vec_sub(vec_set(f->light), p);
-    vfloat per = v_rsqrt_newton(vec_dot(l, l)), weight = through_fog(p), reach = weight * per;
+    vfloat per = v_rsqrt_newton(vec_dot(l, l)), weight = through_fog(p, INFINITY),
+           reach = weight * per;
     vfloat height = v_splat(f->light_height[i]), facing = height * per;
     vfloat shine = v_madd(height + height, v_splat(f->height[i]), vec_dot(l, v));
     shine = shine * per * v_rsqrt_newton(vec_dot(v, v));

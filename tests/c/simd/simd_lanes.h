@@ -262,6 +262,19 @@ TEST(test_points_and_pictures) {
             assert_true(line[3 * lane + i] == (float)(lane + 100 * i));
 }
 
+// To the bit, up to where the sum of the whole exponential is reduced by ln 2.
+TEST(test_small_powers) {
+    for (float from = -0.346f; from < 0.346f; from += 1e-4f) {
+        float found[LANES], whole[LANES];
+        vfloat a = v_madd(v_iota(), v_splat(5e-6f), v_splat(from - 5e-6f * LANES));
+        a = v_max(a, v_splat(-0.346f));
+        v_store(v_exp_near_0(a), found);
+        v_store(v_exp(a), whole);
+        assert_memory_equal(found, whole, sizeof found);
+        assert_true(fabs(found[0] / exp((double)v_lane0(a)) - 1) < 0x1p-22);
+    }
+}
+
 // Words of integers, floats and places in any order.
 TEST(test_lanes_that_move) {
     float a[LANES], found[LANES], to[4 * LANES];
