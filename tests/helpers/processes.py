@@ -10,7 +10,7 @@ def is_alive(pid: int | str) -> bool:
     """A zombie, which its parent has not looked at, is none."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except FileNotFoundError:
+    except OSError:  # it ended between the opening and the reading of the file, or before
         return False
 
 
