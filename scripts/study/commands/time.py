@@ -99,7 +99,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     add("--warmup", type=cli.at_least(0), metavar="ROUNDS", help="rounds left out; default: found")
     add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
-    add("--time-from", type=pattern, metavar="REGEX", help="time what it prints: a number, then its unit")
+    add("--time-from", type=pattern, metavar="REGEX", help="time what it prints to stdout: number, unit")
     add("--command-name", action="append", default=[], metavar="NAME", help="of a program in the table")
     for name, about in (("--prepare", "before each launch"), ("--cleanup", "after the last launch")):
         add(name, action="append", default=[], metavar="CMD", help=f"{about}; once, or once for each program")
