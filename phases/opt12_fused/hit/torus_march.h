@@ -1,7 +1,7 @@
 // The march of hit/torus.c (opt10_scene) in steps, so that two packets can take them in turns, with three differences.
 // Roots are inverse roots, which give the quotients too. Further from the axis than the ring h is the hull's distance,
-// convex along the ray: Newton's step alone. And a step that provably ends on the surface is the last: after a step of
-// length x from the height h, the height is at most x²/2·(1/tube + 4/3/radius), as h bends by no more than that.
+// convex along the ray: Newton's step alone. A step that provably ends on the surface is the last. After a step of
+// length x the height is at most x²/2·(1/tube + 4/3/radius), as h bends by no more than that.
 #pragma once
 
 #include "hit/quotient.h"

@@ -71,10 +71,7 @@ __attribute__((noinline, unused)) static void box_distances(struct packet_group 
         int k = group->marching[i];
         ACTIVE(v_count(group->live[k]));
         COUNT(packet_distance, call);
-        const struct local_ray *ray = &group->packet[k].local[shape];
-        p[i] = vec_along(ray->origin, ray->direction, group->t[k]);
-        if (s->repeated)
-            p[i] = vec_wrapped(s, p[i]);
+        p[i] = point_on(&group->packet[k].local[shape], group->t[k], s);
     }
     sdf_mandelboxes(p, group->count, s, to);
     for (int i = 0; i < group->count; i++) {

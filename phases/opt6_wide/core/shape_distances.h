@@ -225,6 +225,12 @@ distance_of_type(struct vec p, const struct primitive *primitive, enum shape_typ
     }
 }
 
+// Returns the points at distance t along the rays, in the shape's frame, wrapped if it is repeated.
+static inline struct vec point_on(const struct local_ray *a, vfloat t, const struct primitive *s) {
+    struct vec p = vec_along(a->origin, a->direction, t);
+    return s->repeated ? vec_wrapped(s, p) : p;
+}
+
 // Returns the distance to one shape at distance t along the rays. `kind` and `type` are constants where this is
 // inlined.
 __attribute__((always_inline)) static inline vfloat

@@ -104,12 +104,6 @@ static inline void move_local_rays(vfloat by, const struct prepared *scene,
     }
 }
 
-// Returns the points at distance t along the rays, in the shape's frame, wrapped if it is repeated.
-static inline struct vec point_on(const struct local_ray *a, vfloat t, const struct primitive *s) {
-    struct vec p = vec_along(a->origin, a->direction, t);
-    return s->repeated ? vec_wrapped(s, p) : p;
-}
-
 // Returns the distance to the nearest shape and sets its index (the first of equals). Lanes of `done` may hold anything.
 static inline vfloat sdf(const struct local_ray *local_rays, vfloat t, const struct prepared *scene,
                          vmask done, vfloat *nearest) {
