@@ -280,7 +280,7 @@ def text(result: Compared) -> str:
         f"{mine.name} is {show.spread(ratio, 3, '×')} as fast as {parent.name}.{DOUBT * doubtful(ratio)}",
     ]
     if result.calls is not None:
-        lines += ["", "Calls that changed (--json has all):" if result.calls else "No call is changed."]
+        lines += ["", "Calls that changed (--json has all):" if result.calls else "No counted call changed."]
         lines += [f"  {name}: {old:,} → {new:,}" for name, old, new in result.calls[:LISTED]]
     lines += ["", f"{mine.name} is {'outside' if mine.fails else 'within'} its tolerance."]
     return "\n".join([*lines, *(f"  {why}" for why in mine.fails), f"Pictures: {result.picture}"])

@@ -54,6 +54,7 @@ def test_no_file_of_solutions(clone: Path) -> None:
     patched = {f"start{number}" for number, lab in judge.labs().items() if "+" in lab.start}
     assert phases_of(files(clone, "all")) == {"baseline", "opt2", "opt4", *patched}
     assert phases_of(files(clone, "two")) == {"baseline", "start11"}
+    assert student_branch.kept([vars(judge.labs()[12])], clone)[0] == {"baseline", "opt2", "opt4"}
     for branch in ("two", "all"):
         names = files(clone, branch)
         assert not [name for name in names if name.startswith(("systems/", "docs/labs/so", "docs/labs/st"))]

@@ -270,9 +270,10 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("lab", type=int, choices=sorted(labs()), metavar="LAB", help="its number in docs/labs")
     add("--phase", metavar="PHASE", help="your phase, or an ablation")
     add("--file", type=Path, metavar="FILE", help="your scene or your answers, where the lab asks for them")
-    about = "whose task of a lab that asks for answers; default: 0"
+    about = "whose task or scene, of a lab that draws one by it; default: 0"
     add("--student", type=cli.at_least(0), default=0, metavar="NUMBER", help=about)
-    add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help="of the pictures; default: 180")
+    about = "of the pictures, where the lab has none of its own; default: 180"
+    add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help=about)
     add("--launches", type=cli.at_least(6), default=12, help="process launches of each; default: 12")
     add(
         "--untimed",

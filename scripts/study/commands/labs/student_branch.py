@@ -95,6 +95,8 @@ def kept(opened: Sequence[Lab], root: Path) -> tuple[set[str], set[Path]]:
             spec.partition("+")[0] for spec in (start, breaks) if spec and (spec == breaks or "+" not in spec)
         }
         named |= {patch.path for patch in patches.chain(breaks, root)} if breaks else set()
+        if lab.get("answers", "").startswith("published"):
+            phases |= {"opt2", FLOAT.phase}  # which its page measures
         above: str | None = start.partition("+")[0]
         while above and above != FLOAT.phase:
             above = registry.parent_of(above, root)
