@@ -82,10 +82,13 @@ static void bound_twist(struct node *node, double added) {
     node->radius += off;
     node->centre[0] = node->centre[2] = 0;
     double reach = node->operation == NODE_SHAPE ? shape_reach(&node->shape) : node->radius;
+    added *= 1 + 0x1p-10; // on the cylinder itself the surface would have no gradient
     node->twist_radius = (reach + added / node->growth) * MARGIN;
+    node->twist_inner = node->twist_radius - added;
     double shear = fabs(node->twist) * node->twist_radius;
     node->lipschitz *= (shear + sqrt(shear * shear + 4)) / 2 * MARGIN;
-    // Outside the cylinder f is the larger of ρ − twist_radius and the field at the nearest point of it.
+    // Outside the cylinder f is the larger of ρ − twist_inner and the field at the nearest point of it, which is `added`
+    // at least: ρ − twist_radius may be less, and f, less what is added, 0 far from the solid.
     node->growth /= 2;
 }
 
@@ -114,7 +117,7 @@ static void to_parent(struct node *node) {
 void node_bound(struct node *nodes, int index) {
     struct node *node = &nodes[index];
     node->lipschitz = node->growth = 1;
-    node->twist_radius = 0;
+    node->twist_radius = node->twist_inner = 0;
     for (int k = 0; k < 3; k++)
         node->centre[k] = 0;
     if (node->operation == NODE_SHAPE) {

@@ -122,7 +122,7 @@ static vreal modified(const struct node *node, struct vec p, vreal f) {
     COUNT(modified, call);
     if (node->twist != 0.0) {
         COUNT(modified, twisted);
-        f = v_max(f, v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(node->twist_radius));
+        f = v_max(f, v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(node->twist_inner));
     }
     if (node->amplitude > 0.0) {
         COUNT(modified, displaced);

@@ -66,7 +66,7 @@ CALL struct vec3 node_point(struct vec3 p, const struct node *node) {
                       mirror(p.z, node->mirror[2]));
 }
 
-// The point as its children, or its shape, see it. `beyond` gets how far it is out of the twisted cylinder.
+// The point as its children, or its shape, see it. `beyond` gets how far it is from the twist's inner cylinder.
 CALL struct vec3 twist_point(struct vec3 p, const struct node *node, double *beyond) {
     COUNT(twist_point, call);
     *beyond = -INFINITY;
@@ -78,7 +78,7 @@ CALL struct vec3 twist_point(struct vec3 p, const struct node *node, double *bey
     if (reach > node->twist_radius)
         scale = (COUNT(twist_point, outside), node->twist_radius / reach);
     double c = cos(angle) * scale, s = sin(angle) * scale;
-    *beyond = reach - node->twist_radius;
+    *beyond = reach - node->twist_inner;
     return new_vector(c * p.x - s * p.z, p.y, s * p.x + c * p.z);
 }
 

@@ -62,7 +62,7 @@ static inline void node_point(const double *p, const struct group_node *made, do
             q[k] = (COUNT(node_point, mirror), fabs(q[k]));
 }
 
-// The point as the node's children, or its shape, see it. Returns how far it is out of the twisted cylinder.
+// The point as the node's children, or its shape, see it. Returns how far it is from the twist's inner cylinder.
 static inline double twist_point(const double *q, const struct node *node, double *r) {
     COUNT(twist_point, call);
     for (int k = 0; k < 3; k++)
@@ -76,7 +76,7 @@ static inline double twist_point(const double *q, const struct node *node, doubl
     double c = cos(angle) * scale, s = sin(angle) * scale;
     r[0] = c * q[0] - s * q[2];
     r[2] = s * q[0] + c * q[2];
-    return reach - node->twist_radius;
+    return reach - node->twist_inner;
 }
 
 CALL double sdf_capsule(const double *p, const struct shape *shape) {

@@ -132,7 +132,7 @@ static double modified(const struct node *node, const double *p, double f) {
     COUNT(modified, call);
     if (node->twist != 0.0) {
         COUNT(modified, twisted);
-        f = max_of(f, sqrt(p[0] * p[0] + p[2] * p[2]) - node->twist_radius);
+        f = max_of(f, sqrt(p[0] * p[0] + p[2] * p[2]) - node->twist_inner);
     }
     if (node->amplitude > 0.0) {
         COUNT(modified, displaced);

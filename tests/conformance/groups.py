@@ -60,6 +60,7 @@ class Bound:
     growth: float
     slope: float
     twist_radius: float = 0.0
+    twist_inner: float = 0.0
 
 
 def _of_shape(shape: dict) -> tuple[float, float, float]:
@@ -112,8 +113,9 @@ def bound(node: dict, root: bool = False) -> Bound:
     offset = node.get("offset", 0) if node["type"] != "plane" else 0
     added = displace["amplitude"] + node.get("shell", 0) + max(offset, 0)
     centre, radius, growth, slope, twist_radius = made.centre, made.radius, made.growth, made.slope, 0.0
+    more = added * (1 + 2**-10)
     if node.get("twist"):
-        twist_radius = lateral + added / growth
+        twist_radius = lateral + more / growth
         shear = abs(node["twist"]) * twist_radius
         slope *= (shear + math.sqrt(shear**2 + 4)) / 2
         radius += math.hypot(centre[0], centre[2])
@@ -127,7 +129,7 @@ def bound(node: dict, root: bool = False) -> Bound:
         radius = math.inf if any(node.get("repeat", ())) else radius
         centre = centre @ geometry.rotation(node.get("rotation_degrees", [0, 0, 0]))
         centre = centre + node.get("position", [0, 0, 0])
-    return Bound(centre, radius, growth, slope, twist_radius)
+    return Bound(centre, radius, growth, slope, twist_radius, twist_radius - more)
 
 
 def _signs(group: dict) -> Array:
@@ -137,7 +139,7 @@ def _signs(group: dict) -> Array:
 
 
 def _inside(local: Array, node: dict) -> tuple[Array, Array, Array]:
-    """Points in the node's frame before and after its twist, and how far they are out of its cylinder."""
+    """Points in the node's frame before and after its twist, and how far they are from its inner cylinder."""
     q = local.copy()
     for axis, name in enumerate("xyz"):
         if name in node.get("mirror", ""):
@@ -145,11 +147,11 @@ def _inside(local: Array, node: dict) -> tuple[Array, Array, Array]:
     twist = node.get("twist", 0)
     if not twist:
         return q, q, np.full(len(q), -np.inf)
-    radius = bound(node).twist_radius
+    radius, inner = bound(node).twist_radius, bound(node).twist_inner
     reach = np.hypot(q[:, 0], q[:, 2])
     turned = (q[:, 0] + 1j * q[:, 2]) * np.exp(1j * twist * q[:, 1])
     turned *= np.where(reach > radius, radius / np.where(reach > 0, reach, 1), 1)
-    return q, np.array([turned.real, q[:, 1], turned.imag]).T, reach - radius
+    return q, np.array([turned.real, q[:, 1], turned.imag]).T, reach - inner
 
 
 def _combined(r: Array, group: dict) -> tuple[Array, Array]:

@@ -87,12 +87,11 @@ static void FN(to_own)(const struct solid *solid, const struct FN(jet) p[3], str
     }
 }
 
-// Twists the point, moved to twist_radius from the axis if it is farther. Returns by how much it was.
+// Twists the point, moved to twist_radius from the axis if it is farther. Returns how far it was.
 static struct FN(jet) FN(twist)(const struct node *node, struct FN(jet) q[3], struct IV away) {
-    struct FN(jet) rho = FN(norm_2)(q[0], q[2], away), beyond = FN(less)(rho, node->twist_radius),
-                   s, c;
-    struct FN(jet) x = q[0], z = q[2], limit = FN(number)(node->twist_radius);
-    if (beyond.over.hi > 0) {
+    struct FN(jet) rho = FN(norm_2)(q[0], q[2], away), x = q[0], z = q[2], s, c;
+    struct FN(jet) limit = FN(number)(node->twist_radius);
+    if (rho.over.hi > (REAL)node->twist_radius) {
         struct FN(jet) inward = FN(inverse)(node->twist_radius, FN(most)(rho, limit), away);
         x = FN(product)(x, inward, away);
         z = FN(product)(z, inward, away);
@@ -100,7 +99,7 @@ static struct FN(jet) FN(twist)(const struct node *node, struct FN(jet) q[3], st
     FN(waves)(FN(times)(q[1], FN(point)(node->twist)), away, &s, &c);
     q[0] = FN(minus)(FN(product)(x, c, away), FN(product)(z, s, away));
     q[2] = FN(plus)(FN(product)(x, s, away), FN(product)(z, c, away));
-    return beyond;
+    return rho;
 }
 
 static void FN(drop)(struct FN(field) * field, int node) {
@@ -199,12 +198,12 @@ static struct FN(jet)
 static struct FN(term)
     FN(node_field)(struct FN(field) * field, int index, const struct FN(jet) p[3]) {
     const struct node *node = &field->nodes[index];
-    struct FN(jet) q[3], r[3], beyond = FN(number)(-1);
+    struct FN(jet) q[3], r[3], rho = FN(number)(-1);
     FN(to_own)(&field->solids[index], p, q);
     for (int i = 0; i < 3; i++)
         r[i] = q[i] = node->mirror[i] ? FN(size)(q[i]) : q[i];
     if (node->twist != 0)
-        beyond = FN(twist)(node, r, field->away);
+        rho = FN(twist)(node, r, field->away);
     struct FN(term) term = {.node = index, .sure = true};
     if (node->operation != NODE_SHAPE)
         term = FN(operate)(field, index, r);
@@ -213,8 +212,9 @@ static struct FN(term)
         if (field->materials)
             term.material = field->materials[node->shape.material];
     }
-    if (beyond.over.hi > 0)
-        term.jet = FN(pick)(beyond, term.jet, FN(most)(term.jet, beyond));
+    if (rho.over.hi > (REAL)node->twist_radius)
+        term.jet = FN(pick)(FN(less)(rho, node->twist_radius), term.jet,
+                            FN(most)(term.jet, FN(less)(rho, node->twist_inner)));
     if (node->amplitude != 0)
         term.jet = FN(plus)(term.jet, FN(displacement)(node, q, field->away));
     if (node->shell > 0)

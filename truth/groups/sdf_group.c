@@ -94,8 +94,8 @@ static struct dd operate(const struct solid *group, int index, const struct dd p
 
 static struct dd twisted(const struct node *node, struct dd r[3]) {
     struct dd flat[3] = {r[0], dd_from(0), r[2]}, limit = dd_from(node->twist_radius);
-    struct dd rho = dd_norm(flat), beyond = dd_sub(rho, limit), x = r[0], z = r[2];
-    if (beyond.hi > 0) {
+    struct dd rho = dd_norm(flat), x = r[0], z = r[2];
+    if (dd_sub(rho, limit).hi > 0) {
         struct dd inward = dd_div(limit, rho);
         x = dd_mul(x, inward);
         z = dd_mul(z, inward);
@@ -103,17 +103,17 @@ static struct dd twisted(const struct node *node, struct dd r[3]) {
     struct dd angle = dd_scale(r[1], node->twist), s = dd_sine(angle, 0), c = dd_sine(angle, 1);
     r[0] = dd_sub(dd_mul(c, x), dd_mul(s, z));
     r[2] = dd_add(dd_mul(s, x), dd_mul(c, z));
-    return beyond;
+    return rho;
 }
 
 static struct dd node_at(const struct solid *group, int index, const struct dd p[3]) {
     const struct node *node = &group->nodes[index];
-    struct dd q[3], r[3], f, beyond = dd_from(-1);
+    struct dd q[3], r[3], f, rho = dd_from(-1);
     to_frame(&group->inside[index], p, q);
     for (int i = 0; i < 3; i++)
         r[i] = q[i] = node->mirror[i] ? dd_abs(q[i]) : q[i];
     if (node->twist != 0)
-        beyond = twisted(node, r);
+        rho = twisted(node, r);
     if (node->operation != NODE_SHAPE)
         f = operate(group, index, r);
     else
@@ -123,8 +123,8 @@ static struct dd node_at(const struct solid *group, int index, const struct dd p
         case SHAPE_GYROID: f = gyroid(r, &node->shape); break;
         default: f = shape_distance(&node->shape, r);
         }
-    if (beyond.hi > 0)
-        f = dd_max(f, beyond);
+    if (dd_sub(rho, dd_from(node->twist_radius)).hi > 0)
+        f = dd_max(f, dd_sub(rho, dd_from(node->twist_inner)));
     if (node->amplitude != 0) {
         struct dd wave = dd_from(node->amplitude);
         for (int i = 0; i < 3; i++)

@@ -53,6 +53,7 @@ static struct group_node prepare_node(const struct node *node, const struct mode
                            .jumps = jumps(node),
                            .twist = (float)node->twist,
                            .twist_radius = (float)node->twist_radius,
+                           .twist_inner = (float)node->twist_inner,
                            .amplitude = (float)node->amplitude,
                            .shell = (float)node->shell,
                            .offset = (float)node->offset,

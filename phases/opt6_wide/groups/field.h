@@ -10,7 +10,7 @@
 #include "groups/program.h"
 
 // A point in a node's frame: after position, rotation, repeat and mirror, and then twisted. `over`: how far it is
-// outside of the twist's cylinder.
+// from the twist's inner cylinder.
 struct node_point {
     struct vec q, r;
     vfloat over;
@@ -35,7 +35,8 @@ static inline struct node_point point_in(struct vec p, const struct group_node *
     vfloat in = v_select(v_cmp_gt(off, most), most / off, v_splat(1.0f));
     vfloat angle = v_splat(n->twist) * q.y, s = v_sin(angle), c = v_cos(angle);
     vfloat x = q.x * in, z = q.z * in;
-    return (struct node_point){q, {v_msub(c, x, s * z), q.y, v_madd(s, x, c * z)}, off - most};
+    return (struct node_point){
+        q, {v_msub(c, x, s * z), q.y, v_madd(s, x, c * z)}, off - v_splat(n->twist_inner)};
 }
 
 // The three sines of a node's displacement.

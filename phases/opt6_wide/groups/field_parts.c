@@ -91,7 +91,7 @@ static struct vec outside_twist(struct vec g, struct vec q, vfloat f, const stru
     vfloat across = v_madd(out.x, g.x, out.z * g.z), scale = most * per;
     struct vec near = {v_nmadd(out.x, across, g.x) * scale, g.y,
                        v_nmadd(out.z, across, g.z) * scale};
-    near = vec_select(v_cmp_gt(off - most, f), out, near);
+    near = vec_select(v_cmp_gt(off - v_splat(n->twist_inner), f), out, near);
     return vec_select(v_cmp_gt(off, most), near, g);
 }
 

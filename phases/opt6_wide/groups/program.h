@@ -13,7 +13,7 @@ struct group_node {
     bool
         bent; // within a twist or a repeated cell: a ball of its parent's points is no ball of its own
     bool jumps; // its field jumps at the walls of repeated cells: no slope bounds it
-    float twist, twist_radius, amplitude, frequency[3], shell, offset;
+    float twist, twist_radius, twist_inner, amplitude, frequency[3], shell, offset;
     float color[3], reflectivity, shininess; // of NODE_SHAPE
     float lipschitz, growth, centre[3], radius;
 };

@@ -30,6 +30,10 @@ def box(**keys: Any) -> dict:
     return shape("box", **(WALL | keys))
 
 
+def capsule(**keys: Any) -> dict:
+    return shape("capsule", half_height=0.2, **keys)
+
+
 def nested(inner: dict, depth: int) -> dict:
     """In `depth` groups, which together move it by (0.2, 0, 0)."""
     for _ in range(depth):
@@ -66,6 +70,8 @@ EQUAL: dict[str, tuple[dict, list[dict]]] = {
     "offset": (sphere(offset=0.15), [sphere(radius=0.65)]),
     "shell": (sphere(shell=0.15), [sphere(radius=0.65)]),
     "twist": (group("union", sphere(), twist=1.5), [sphere()]),
+    # outside of the twist's cylinder nothing stands
+    "twisted shell": (capsule(radius=0.3, shell=0.2, twist=1.5), [capsule(radius=0.5)]),
     "ellipsoid": (
         {"type": "ellipsoid", "radius": [0.6, 0.6, 0.6], "material": "plain"},
         [sphere(radius=0.6)],
