@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -32,12 +33,14 @@ COLOURS = [
 BAD = "#b3261e"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H", (6, 1, 0))
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
-BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0, "alpha": 0.7}
+BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0}
 MARK = 5  # points: half of a mark's size
 LEAST, TITLE = 7, 150  # on paper: points of letters, characters of a title at most
 WIDE, LOW = 6, 4.2  # inches: of a panel that stands alone on paper, and its height there
 ON_PAPER: ContextVar[bool] = ContextVar("on_paper", default=False)
-STEPS = 500  # of adjustText, which else stops by the clock and draws another figure each time
+RINGS = np.array([3, 7, 12, 18, 25, 34, 45, 58, 72, 90])  # points from a mark to its name
+POINTS = 16  # of a line to a name, by which what it crosses is known
+NEAR = 12  # pixels from a mark to a name that needs no line
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
     "svg.hashsalt": "stepwise",
@@ -120,18 +123,27 @@ SETTLED = 1e-9
 
 
 class Name(Text):
-    """A mark's name: `settle` finds its place."""
+    """A mark's name: `settle` finds its place, beside the mark or, of a line's name, at one of `spots`."""
+
+    spots: np.ndarray | None = None
 
 
-def label(axes: Axes, x: float, y: float, text: str, colour: str, size: float = 7.5) -> None:
+def label(axes: Axes, x: float, y: float, text: str, colour: str, size: float = 7.5, **how: Any) -> Name:
     """Asks for `text` beside the mark at x, y (data coordinates)."""
-    made = Name(x, y, text, color=colour, fontsize=size, ha="left", va="bottom", zorder=7, bbox=BOX)
+    made = Name(x, y, text, color=colour, fontsize=size, zorder=7, bbox=BOX, ha="center", va="center", **how)
     made.set_in_layout(False)
     made.set_clip_on(False)
     axes.add_artist(made)
+    return made
 
 
-def _corners(axes: Axes) -> np.ndarray:
+def _boxes(centres: np.ndarray, half: float | np.ndarray) -> np.ndarray:
+    """x0, y0, x1, y1 of each."""
+    return np.concatenate([centres - half, centres + half], axis=-1)
+
+
+def _marks(axes: Axes) -> np.ndarray:
+    """Boxes of marks, pixels."""
     found = [
         line.get_xydata()
         for line in axes.lines
@@ -139,25 +151,52 @@ def _corners(axes: Axes) -> np.ndarray:
     ]
     found += [np.asarray(one.get_offsets()) for one in axes.collections if isinstance(one, PathCollection)]
     pixels = axes.transData.transform(np.concatenate([np.empty((0, 2)), *found]))
-    corners = pixels[:, None] + MARK * axes.figure.dpi / 72 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-    return axes.transData.inverted().transform(corners.reshape(-1, 2))
+    return _boxes(pixels, MARK * axes.figure.dpi / 72)
+
+
+def _ways(name: Name, axes: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where a name can stand (pixels): its boxes, points of the lines to the mark, and what each costs."""
+    at, half = axes.transData.transform([name.get_position()]), np.divide(name.get_window_extent().size, 2)
+    if name.spots is None:
+        angle, far = np.meshgrid(np.arange(24) * math.pi / 12, RINGS * axes.figure.dpi / 72)
+        turned = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        centres = (at + turned * (half + far[..., None])).reshape(-1, 2)
+    else:
+        centres = at = axes.transData.transform(name.spots)
+    boxes, frame = _boxes(centres, half + 1), axes.get_window_extent()
+    to = np.clip(at, boxes[:, :2], boxes[:, 2:]) - at
+    outside = (boxes[:, :2] < frame.min).any(axis=1) | (boxes[:, 2:] > frame.max).any(axis=1)
+    lines = at[:, None] + to[:, None] * np.linspace(0, 1, POINTS)[:, None]
+    return boxes, lines, np.hypot(*to.T) + 1e4 * outside
+
+
+def _place(axes: Axes, names: list[Name]) -> None:
+    """Each in turn where it and its line cover the least of marks, other names and their lines."""
+    ways, marks = [_ways(name, axes) for name in names], _marks(axes)
+    taken = [np.empty((0, 4)) for _ in names]
+    best = [0 for _ in names]
+    for i in [*range(len(names))] * PASSES:
+        boxes, lines, cost = ways[i]
+        others = np.concatenate([marks, *taken[:i], *taken[i + 1 :]])
+        on = np.minimum(boxes[:, None, 2:], others[:, 2:]) > np.maximum(boxes[:, None, :2], others[:, :2])
+        under = (lines[:, :, None] > others[:, :2]) & (lines[:, :, None] < others[:, 2:])
+        under = under.all(-1).sum((1, 2)) / POINTS * cost  # pixels, as the cost is
+        best[i] = int(np.argmin(cost + 100 * on.all(-1).sum(1) + 4 * under))
+        taken[i] = np.concatenate([boxes[[best[i]]], _boxes(lines[best[i]], 2)])
+    back = axes.transData.inverted().transform
+    for name, (boxes, lines, cost), one in zip(names, ways, best, strict=True):
+        name.set_position(back(boxes[one].reshape(2, 2).mean(axis=0)))
+        if cost[one] > NEAR:
+            ends = back(lines[one][[0, -1]])
+            style = {"color": name.get_color(), "linewidth": 0.7, "zorder": 3}
+            axes.add_artist(Line2D(*ends.T, transform=axes.transData, **style))
 
 
 def settle(figure: Figure) -> None:
     """Puts every name of the figure, whose layout is final, beside its mark, on no other name or mark."""
-    from adjustText import adjust_text  # a fifth of a second, which few figures need
-
-    vars(figure)["draw_without_rendering"] = lambda: None  # it would once an axes, and nothing moves
     for axes in figure.axes:
-        if names := _names(axes):
-            x, y = _corners(axes).T
-            line = {"arrowstyle": "-", "color": "#888888", "linewidth": 0.7}
-            adjust_text(names, x, y, ax=axes, iter_lim=STEPS, arrowprops=line)
-    del vars(figure)["draw_without_rendering"]
-
-
-def _names(axes: Axes) -> list[Name]:
-    return [text for text in axes.texts if isinstance(text, Name)]
+        if names := [text for text in axes.texts if isinstance(text, Name)]:
+            _place(axes, names)
 
 
 def panels(
@@ -209,11 +248,8 @@ def _ready(figure: Figure, note: str) -> None:
             before, after = after, np.array([axes.get_position().bounds for axes in figure.axes])
             if before.size and np.abs(after - before).max() < SETTLED:
                 break
-    if any(_names(axes) for axes in figure.axes):
-        figure.set_layout_engine("none")  # drawn twice: a line to a name ends where the name was drawn last
-        settle(figure)
-    else:
-        figure.set_layout_engine(None)
+    figure.set_layout_engine(None)
+    settle(figure)
 
 
 def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:

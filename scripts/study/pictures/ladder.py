@@ -93,10 +93,10 @@ def speedups(rows: pd.DataFrame) -> Figure:
                 **{key: style[key] for key in ("color", "marker", "markerfacecolor")},
             )
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
-            axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
+            axes.text(1.17, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
             colour = BAD if show.gate_mark(row) == "bad" else "#222222"
-            axes.text(1.19, i, error_text(row), **beside, color=colour)
-            axes.text(1.43, i, truth_text(row), **beside)
+            axes.text(1.21, i, error_text(row), **beside, color=colour)
+            axes.text(1.49, i, truth_text(row), **beside)
         paper_marks(axes, group)
         axes.set_yticks(range(len(group)), [style["label"] for style in styles])
         axes.set(xscale="log", xlim=(LEFT, None), ylim=(len(group) - 0.4, -0.6))
@@ -104,8 +104,8 @@ def speedups(rows: pd.DataFrame) -> Figure:
         plain_log(axes.xaxis)
         axes.set_title(f"{scene}, {group['width'][0]}×{group['height'][0]}", loc="left")
         heads = {"transform": axes.transAxes, "fontsize": 8, "va": "bottom", "color": "#444444"}
-        axes.text(1.19, 1.0, "PSNR to\nbaseline", **heads)
-        axes.text(1.43, 1.0, "to ground\ntruth", **heads)
+        axes.text(1.21, 1.0, "PSNR to\nbaseline", **heads)
+        axes.text(1.49, 1.0, "to ground\ntruth", **heads)
         axes.grid(False, axis="y")
         if group.implied.notna().any():
             axes.legend(loc="upper right", fontsize=8, title="the paper, over its baseline", title_fontsize=8)

@@ -25,7 +25,6 @@ CAPTIONS = {
     "performance": "Flop per core cycle against picture height n (the paper's Fig. 6 in form)",
 }
 ROOF = "#444444"
-OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and other names
 LABEL = 1.17  # the height of a roof's label, as a factor
 
 # Solid, dashed, dotted …: levels are told apart without colour.
@@ -69,38 +68,20 @@ def slopes(limits: Ceilings, points: Sequence[Point]) -> list[tuple[str, float, 
 
 
 def draw_roofs(
-    axes: Axes,
-    levels: list[tuple[str, float, str]],
-    roofs: list[tuple[float, str]],
-    right: float,
-    points: np.ndarray,
+    axes: Axes, levels: list[tuple[str, float, str]], roofs: list[tuple[float, str]], right: float
 ) -> None:
-    """Slopes of the levels up to the highest arithmetic roof, and those roofs.
-
-    `points`: x, y of what is drawn beside them, off which a slope's name keeps.
-    """
+    """Slopes of the levels up to the highest arithmetic roof, and those roofs."""
     left, top = axes.get_xlim()[0], roofs[-1][0]
-    knees: list[float] = []
-    names: list = []
     for level, speed, label in levels:
-        knee = top / speed
-        knees.append(knee)
-        x = np.array([left, knee])
+        x = np.array([left, top / speed])
         axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
-        lowest = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
-        # Its name: the lowest place on it, 1.3 apart from one to the next, off points and other names.
-        heights = lowest * 1.3 ** np.arange(12)
-        spots = np.stack([heights / speed, heights], axis=-1)
-        others = np.concatenate([points, *names]) if names else points
-        apart = np.linalg.norm(np.log(spots[:, None] / others[None]), axis=2).min(axis=1, initial=9)
-        low = float(heights[np.argmax(apart > OFF) if (apart > OFF).any() else np.argmax(apart)])
-        names.append(np.array([[low / speed, low]]))
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+        heights = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed) * 1.1 ** np.arange(30)
         along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
-        along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
         name = label.split(":")[0].replace(" by", "").replace(" bits", "")
-        axes.text(low / speed, low, name, fontsize=7, color=ROOF, bbox=box, **along)
-    first, beside = min(knees, default=left), 0.0
+        place = heights[0] / speed, heights[0]
+        made = draw.label(axes, *place, name, ROOF, 7, transform_rotates_text=True, **along)
+        made.spots = np.stack([heights / speed, heights], axis=-1)
+    first, beside = min((top / speed for _, speed, _ in levels), default=left), 0.0
     for value, label in roofs:
         beside = max(value, beside * LABEL)  # labels of roofs that are close stand apart
         start = first * value / top  # where the fastest level reaches it
@@ -131,19 +112,13 @@ def roofline(points: Sequence[Point], limits: Ceilings) -> Figure:
     left, right = min(one.intensity for one in points) / 3, max(one.intensity for one in points) * 3
     levels = slopes(limits, points)
     if speeds_of := [speed for _, speed, _ in levels]:
-        left, right = min(left, 2 * bottom / max(speeds_of)), max(right, 1.6 * top / min(speeds_of))
+        left, right = min(left, top / max(speeds_of) / 30), max(right, 1.6 * top / min(speeds_of))
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
         axes.set(xlabel="operational intensity: flop per byte loaded or stored", ylabel="flop per core cycle")
         mine = [one for one in points if one.scene == scene]
         if roofs:
-            marks = [
-                (one.intensity, y)
-                for one in mine
-                for y in (one.flops_per_core_cycle, one.least_roof)
-                if one.intensity > 0 and y > 0
-            ]
-            draw_roofs(axes, levels, roofs, right, np.array(marks).reshape(-1, 2))
+            draw_roofs(axes, levels, roofs, right)
         for one in mine:
             style = looks[one.phase, one.threads]
             draw_point(axes, one, style)
