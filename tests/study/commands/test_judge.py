@@ -237,6 +237,14 @@ def test_too_slow_and_not_known(judged, gain, spread, hint):
     assert said.splitlines()[-1] == f"Hint: {judge.labs()[1].hints.get(hint, judge.UNSURE)}"
 
 
+@pytest.mark.parametrize("others", [1.0, 10.0])
+def test_a_gain_beyond_belief_is_named(others):
+    """Where the whole interval is, not where noise makes it wide."""
+    ratio = stats.ratio_interval([18.0] * 6, [1.0] * 4 + [others] * 2)
+    (check,) = judge.of_ratio(judge.labs()[4], ratio)
+    assert ("no such change" in check.said) == (others == 1.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "fails"),
@@ -253,11 +261,12 @@ def test_a_scene_is_judged(judged, scene, fails):
 
 
 @pytest.mark.parametrize(
-    "words, asked", [((1,), "NAME="), ((3,), "SCENE="), ((3, "--phase", "opt2"), "SCENE=")]
+    "words, asked",
+    [((1,), "NAME="), ((3,), "SCENE="), ((3, "--phase", "opt2"), "SCENE="), ((5, "--phase", "opt4"), "45")],
 )
 def test_what_a_lab_asks_for(judged, words, asked):
     with pytest.raises(cli.StudyError, match=asked):
-        judged(*words)
+        judged(*words, n=44)
 
 
 def test_pages_say_what_the_judge_asks():

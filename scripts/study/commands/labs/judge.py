@@ -36,6 +36,7 @@ BASE = Spec("baseline", "baseline")
 DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views, at most, before the one whose bits are compared: as in a timed launch
 COUNTED = 3  # times as high as what cachegrind counts is the picture
+FRACTAL = 45  # height: of a fractal's 4x4 means in a smaller picture one alone can decide, by its rounding
 COUNTED_HEIGHT = 60  # of what is counted block by block
 ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
@@ -166,7 +167,7 @@ def of_ratio(lab: Lab, ratio: Interval) -> list[Check]:
     fast = bool(ratio.sufficient and ratio.low >= lab.speedup)
     unsure = not fast and ratio.high >= lab.speedup
     said = f"at least {lab.speedup}× as fast as {lab.start}: {show.spread(ratio, 3, '×')}"
-    if ratio.value > ABSURD * lab.speedup:
+    if ratio.low > ABSURD * lab.speedup:
         said += "; no such change is known to gain that much: look for what is not drawn, or not timed"
     return [Check("unsure" if unsure else "speed", fast, said)]
 
@@ -275,11 +276,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     about = "of the pictures, where the lab has none of its own; default: 180"
     add("-n", type=cli.at_least(16), default=180, metavar="HEIGHT", help=about)
     add("--launches", type=cli.at_least(6), default=12, help="process launches of each; default: 12")
-    add(
-        "--untimed",
-        action="store_true",
-        help="pictures and work alone, on a machine whose times mean nothing",
-    )
+    about = "pictures and work alone, on a machine whose times mean nothing"
+    add("--untimed", action="store_true", help=about)
     about = "also writes Gradescope's results.json: a point a check"
     add("--gradescope", type=Path, metavar="FILE", help=about)
     about = "no network, limits, and nothing written but in build/; default with --json and --gradescope"
@@ -348,6 +346,8 @@ def judged(args: argparse.Namespace) -> Outcome:
             place = scene.path.relative_to(registry.ROOT)
             return Outcome({"lab": lab.number, "scene": place}, [f"Its scene is {place}; {asks}"])
         scene = scene or registry.find_scene(lab.scene)
+        if scene.fractal and not lab.height and args.n < FRACTAL:
+            raise StudyError(f"a fractal's picture of so few pixels is judged by luck: -n {FRACTAL} or more")
         spec = Spec.parse(args.phase)
         if not lab.start:
             lab = replace(lab, start=registry.parent_of(args.phase) or "")
