@@ -49,8 +49,9 @@ def test_the_ladders_solution_is_accepted(judged, monkeypatch, number):
         monkeypatch.setattr(judge, "_calls", lambda side, _: 50 if side.name == SOLUTIONS[number] else 100)
         monkeypatch.setattr(try_, "build_together", lambda *_: None)
         monkeypatch.setattr(try_, "counted", lambda *_: None)
-    status, said = judged(number, "--phase", SOLUTIONS[number])
+    status, said = judged(number, "--phase", SOLUTIONS[number], *["--untimed"] * (number == 1))
     assert status == 0 and "MISSED" not in said, said
+    assert said.endswith("reached; speed was not judged.\n" if number == 1 else "reached.\n")
 
 
 WRONG = {

@@ -382,7 +382,7 @@ def judged(args: argparse.Namespace) -> Outcome:
         f"Lab {lab.number}, {lab.title}",
         *(f"  {'reached' if one.passed else 'MISSED '}  {one.said}" for one in checks),
         *(f"    {line}" for one in checks for line in one.text.splitlines()),
-        f"Hint: {hint}" if hint else "All of it reached.",
+        f"Hint: {hint}" if hint else f"All of it reached{'; speed was not judged' * args.untimed}.",
     ]
     result = {"lab": lab.number, "checks": checks, "hint": hint, "try": told}
     return Outcome(result, lines, status=cli.FAILED if failing else cli.OK)
