@@ -107,7 +107,7 @@ only_supported = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-ou
 compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common $(INTRINSICS:%=--include %) \
     --cc '$(CC)' --toolchain '$(TOOLCHAIN) $(EMULATED_BY)' --flags '$(WARNINGS) $(SANITIZED)' --parsed $(BUILD)/common/parsed \
     $(only_supported) $(if $(findstring s,$(firstword -$(MAKEFLAGS))),--quiet) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(2)
-NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
+NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-Wno-maybe-uninitialized -fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
 # A derived phase takes over what its parent's build made wherever nothing differs, and an ablation what its phase's
 # made: so those are built first. A parent is not built for its child's sake alone: that compiles more.

@@ -37,6 +37,11 @@ def test_a_variant_is_there_or_traps(variant: str, target: str) -> None:
     assert is_there(build(PHASE, target), variant) == there
 
 
+def test_what_is_sampled_builds_too() -> None:
+    """The last phase has the others' files. Where nothing is inlined, gcc knows less of them."""
+    assert build("opt12_fused", "render-calls").exists()
+
+
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """A tree of its own, with one phase."""
