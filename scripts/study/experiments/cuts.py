@@ -34,8 +34,10 @@ def read(run: Path) -> dict[str, str]:
 
 
 def note(run: Path, experiment: str, text: str, remarks: Sequence[str] = ()) -> None:
-    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole; and its remarks."""
+    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole; and its remarks, each once."""
     old = Cuts.load_if_there(run / STUDY) or Cuts(cut={})
     few, mine = old.cut | {experiment: text}, f"{experiment}: "
-    said = [one for one in old.remarks if not one.startswith(mine)] + [mine + one for one in remarks]
+    said = [one for one in old.remarks if not one.startswith(mine)] + [
+        mine + one for one in dict.fromkeys(remarks)
+    ]
     store.write_json(run / STUDY, Cuts(cut={name: one for name, one in few.items() if one}, remarks=said))

@@ -88,8 +88,10 @@ def end(
     """Writes the result and its figures: how the command ends. For people: the first table, the files, and
     what was left out unless `remarks` say that."""
     if remarks is None:
-        some = [(filter(None, (one.phase, where(one))), one) for one in getattr(result, "left_out", [])]
-        remarks = [f"left out {' '.join(name)}: {one.reason}" for name, one in some]
+        names: dict[str, list[str]] = {}
+        for one in getattr(result, "left_out", []):
+            names.setdefault(one.reason, []).append(" ".join(filter(None, (one.phase, where(one)))))
+        remarks = [f"left out {', '.join(some)}: {reason}" for reason, some in names.items()]
     store.write_json(file, cli.plain(result))
     drawn = draw(file.parent, drawings or {})
     lines = [*(one.markdown for one in parts[:1]), *images, *drawn, file]

@@ -24,12 +24,12 @@ STRONGEST = 2  # of those programs are shown
 Row = Mapping[str, Any]
 
 
-def by_phase(rows: pd.DataFrame) -> dict[str, dict[str, Row]]:
-    """Phase -> scene -> the ladder's row on one thread, of SCENES; specs with other flags are left out."""
+def by_phase(rows: pd.DataFrame, scenes: Sequence[str] = SCENES) -> dict[str, dict[str, Row]]:
+    """Phase -> scene -> the ladder's row on one thread, of `scenes`; specs with other flags are left out."""
     found: dict[str, dict[str, Row]] = {}
     for scene, group in ladder.ladders(rows).items():
         for row in group.to_dict("records"):
-            if scene in SCENES and row["threads"] == 1 and "@" not in row["phase"]:
+            if scene in scenes and row["threads"] == 1 and "@" not in row["phase"]:
                 found.setdefault(row["phase"], {})[scene] = row
     return found
 
@@ -46,15 +46,15 @@ def limits(data: Data) -> dict[str, str]:
     }
 
 
-def _head(ratios: bool) -> list[str]:
+def _head(ratios: bool, scenes: Sequence[str] = SCENES) -> list[str]:
     columns = ["ms [95 %]", *["× baseline [95 %]"] * ratios, "dB"]
-    return [f"{scene}, {name}" if name.startswith("ms") else name for scene in SCENES for name in columns]
+    return [f"{scene}, {name}" if name.startswith("ms") else name for scene in scenes for name in columns]
 
 
-def _cells(of: Mapping[str, Row], ratios: bool) -> list[str]:
+def _cells(of: Mapping[str, Row], ratios: bool, scenes: Sequence[str] = SCENES) -> list[str]:
     """Each scene's ms, × baseline (only with `ratios`) and dB to ground truth; – where there is no row."""
     made = []
-    for row in map(of.get, SCENES):
+    for row in map(of.get, scenes):
         if row is None:
             made += [show.NOTHING] * (2 + ratios)
             continue
@@ -89,24 +89,30 @@ def originals(folder: Path) -> list[list[str]]:
     return made
 
 
-def strongest(folder: Path, height: int) -> list[list[str]]:
-    """Rows of the fastest other programs that draw both scenes without shadows and mirrors, and draw them
-    right: from peers.json, on one thread. Instead of a ratio to baseline: to our fastest phase there."""
+def strongest(folder: Path, height: int, scenes: Sequence[str] = SCENES) -> list[list[str]]:
+    """Rows of the fastest other programs that draw the scenes without shadows and mirrors, and draw them
+    right: from peers.json, on one thread. Instead of a ratio to baseline: to our fastest phase there.
+    A scene that none of them draws does not count."""
     found = beside.Peers.load_if_there(folder / beside.PEERS)
     if not found or found.n != height:
         return []
     least = {one.program: one.least_db for one in found.programs}
+    plain = [f"{scene}_plain" for scene in scenes]
     made: dict[str, dict[str, beside.PeerRow]] = {}
     for row in found.rows:
         right = row.psnr_db is None or row.psnr_db >= least.get(row.program, {}).get(row.scene, 0)
-        if row.kind == "peer" and row.threads == 1 and row.scene in beside.PLAIN and row.ratio and right:
+        if row.kind == "peer" and row.threads == 1 and row.scene in plain and row.ratio and right:
             made.setdefault(row.program, {})[row.scene] = row
-    whole = {name: of for name, of in made.items() if set(of) == set(beside.PLAIN)}
+    drawn = set[str]().union(*made.values())
+    whole = {name: of for name, of in made.items() if set(of) == drawn}
     slower = {name: math.prod(one.ratio.ends[0] for one in of.values()) for name, of in whole.items()}
     lines = []
     for name in sorted(slower, key=slower.__getitem__)[:STRONGEST]:
         cells = [name, "Another program, without shadows", show.NOTHING]
-        for row in (whole[name][scene] for scene in beside.PLAIN):
+        for row in map(whole[name].get, plain):
+            if row is None:
+                cells += [show.NOTHING] * 3
+                continue
             cells += [show.spread(row.ms, 4), f"{show.spread(row.ratio, 3, '×')} as long as {row.beside}"]
             march = " to a march" * bool(row.averaged and row.surface_db is None)
             shown = row.psnr_db if row.surface_db is None else row.surface_db
@@ -185,21 +191,26 @@ def limit_block(data: Data, rows: pd.DataFrame) -> str:
 
 
 def machines_block(runs: Sequence[Data]) -> str:
-    """A table a machine, of its newest run: ms and error at 1280×720.
+    """Tables of each machine, of its newest run: ms and error at 1280×720, the paper's scenes first.
 
     The ratio to baseline is shown where baseline was held beside the paper's program.
     """
     parts = []
     newest = {facts.short_name(data): data for data in sorted(runs, key=lambda data: data.context.time or "")}
     for here, data in sorted(newest.items()):
-        found = by_phase(ladder.rows(data, 720))
-        if not found:
-            continue
-        ratios = beside.held_beside(data.path)
-        lines = [[phase, *_cells(of, ratios)] for phase, of in found.items()]
+        rows = ladder.rows(data, 720)
         place = show.inert(provenance.place(data.context))
         title = f"## {show.inert(here)}\n\n{place}: run `{data.path.name}`.\n"
-        parts += [title, markdown(["phase", *_head(ratios)], lines)]
-        if said := registry.translated(data.by_simde, found):
-            parts.append(f"{textwrap.fill(said, 100)}\n")
+        ratios = beside.held_beside(data.path)
+        for scenes in (SCENES, tuple(sorted(set(rows.get("scene", ())) - set(SCENES)))):
+            if not (found := by_phase(rows, scenes)):
+                continue
+            lines = [[phase, *_cells(of, ratios, scenes)] for phase, of in found.items()]
+            if ratios and scenes != SCENES:
+                others = strongest(data.path, 720, scenes)
+                lines += [[f"{name}, without shadows", *cells] for name, _, _, *cells in others]
+            parts += [title, markdown(["phase", *_head(ratios, scenes)], lines)]
+            title = "Other scenes of the run:\n"
+            if said := registry.translated(data.by_simde, found):
+                parts.append(f"{textwrap.fill(said, 100)}\n")
     return "\n".join(parts)
