@@ -34,7 +34,7 @@ def read(run: Path) -> dict[str, str]:
 
 
 def note(run: Path, experiment: str, text: str, remarks: Sequence[str] = ()) -> None:
-    """Keeps what was measured of an experiment: a sentence or, where it is whole, nothing; and each remark once."""
+    """Keeps what was measured of an experiment: a sentence, or nothing where it is whole; remarks once."""
     old = Cuts.load_if_there(run / STUDY) or Cuts(cut={})
     few, mine = old.cut | {experiment: text}, f"{experiment}: "
     said = [one for one in old.remarks if not one.startswith(mine)] + [
