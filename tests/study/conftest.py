@@ -26,5 +26,4 @@ def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def rough_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures whose names and axes come only nearly to their places: for tests of what else there is."""
-    monkeypatch.setattr("study.pictures.draw.STEPS", 10)
     monkeypatch.setattr("study.pictures.draw.PASSES", 1)

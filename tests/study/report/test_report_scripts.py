@@ -19,7 +19,7 @@ from study.commands import report
 from study.commands.upkeep import publish
 from study.core.registry import ROOT
 from study.numbers import analysis
-from study.pictures import draw, images
+from study.pictures import images
 from study.pictures import ladder as ladder_figures
 from study.report import compared, figures, machines
 
@@ -172,7 +172,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         plots = {"speedup-ladder": ladder_figures.speedups, "runtime": ladder_figures.runtime}
         patch.setattr(ladder_figures, "PLOTS", plots)
-        patch.setattr(draw, "STEPS", 10)
         patch.setattr(machines, "PUBLISHED", folder / "published")
         text = report.page(analysis.load(run), folder / "out" / "index.html")
     (folder / "index.html").write_text(text)
