@@ -113,9 +113,9 @@ def bound(node: dict, root: bool = False) -> Bound:
     offset = node.get("offset", 0) if node["type"] != "plane" else 0
     added = displace["amplitude"] + node.get("shell", 0) + max(offset, 0)
     centre, radius, growth, slope, twist_radius = made.centre, made.radius, made.growth, made.slope, 0.0
-    more = added * (1 + 2**-10)
+    twist_inner = lateral + added / growth - added
     if node.get("twist"):
-        twist_radius = lateral + more / growth
+        twist_radius = (lateral + added / growth) * (1 + 2**-10)
         shear = abs(node["twist"]) * twist_radius
         slope *= (shear + math.sqrt(shear**2 + 4)) / 2
         radius += math.hypot(centre[0], centre[2])
@@ -129,7 +129,7 @@ def bound(node: dict, root: bool = False) -> Bound:
         radius = math.inf if any(node.get("repeat", ())) else radius
         centre = centre @ geometry.rotation(node.get("rotation_degrees", [0, 0, 0]))
         centre = centre + node.get("position", [0, 0, 0])
-    return Bound(centre, radius, growth, slope, twist_radius, twist_radius - more)
+    return Bound(centre, radius, growth, slope, twist_radius, twist_inner)
 
 
 def _signs(group: dict) -> Array:

@@ -79,8 +79,8 @@ def test_ideal_shadows_are_found(name: str, least: float, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", ["csg", "bumpy"])
 def test_ideal_shadows_are_as_declared(name: str, tmp_path: Path) -> None:
-    """At 80 dB, linear and as displayed. Rays of bumpy begin next to an edge: dips at t < 0.003."""
-    scene, size = scene_of(name, "soft"), (107, 60)
+    """At n = 180: 80 dB, linear and as displayed. Rays of bumpy begin at an edge: dips at t < 0.003."""
+    scene, size = scene_of(name, "soft"), (320, 180)
     exact, mine = (picture(phase, scene, tmp_path, size) for phase in ("truth", "opt11_ideal"))
     colours = images.rgb(exact, "ideal."), images.rgb(mine)
     shown = [images.to_display(c) / 255.0 for c in colours]

@@ -98,6 +98,12 @@ def room(column: int) -> dict:
     return scene(shapes, camera=camera, light=light)
 
 
+def normals_apart(a: images.Picture, b: images.Picture) -> np.ndarray:
+    """Lengths of their differences, where both show the same shape."""
+    seen = (a["id"] >= 0) & (a["id"] == b["id"])
+    return np.linalg.norm([a[axis] - b[axis] for axis in ("N.x", "N.y", "N.z")], axis=0)[seen]
+
+
 @each
 def test_groups_look_like_their_plain_shapes(phase, tmp_path):
     a, b = (picture(phase, room(column), tmp_path, size=(120, 72)) for column in (0, 1))
@@ -150,7 +156,17 @@ def test_normals_away_from_a_solids_own_surface_are_baselines(phase, tmp_path):
     camera = {"position": [0, 0, -12], "look_at": [0, 0, 0], "vertical_fov_degrees": 20}
     whole = scene(shapes, camera=camera, light={"shadows": "none"})
     a, b = (picture(name, whole, tmp_path, size=(200, 90)) for name in ("baseline", phase))
-    seen = (a["id"] >= 0) & (a["id"] == b["id"])
-    off = np.linalg.norm([a[axis] - b[axis] for axis in ("N.x", "N.y", "N.z")], axis=0)[seen]
+    off = normals_apart(a, b)
     turned_away = (off > 0.02).sum()  # on a crease baseline's differences see both sides
-    assert seen.sum() > 2000 and turned_away <= 4, (seen.sum(), turned_away, off.max())
+    assert off.size > 2000 and turned_away <= 4, (off.size, turned_away, off.max())
+
+
+@each
+def test_normals_on_a_twists_cylinder_are_truths(phase, tmp_path):
+    """The capsule touches it all around, the box along two edges."""
+    shapes = [capsule(radius=0.5, twist=1.5), box(rounding=0.1, twist=1.5)]
+    shapes = [moved(one, [1.3 * i - 0.65, 0, 0]) for i, one in enumerate(shapes)]
+    camera = {"position": [0, 0, -6], "look_at": [0, 0, 0], "vertical_fov_degrees": 16}
+    whole = scene(shapes, camera=camera, light={"shadows": "none"})
+    off = normals_apart(*(picture(name, whole, tmp_path, size=(180, 110)) for name in ("truth", phase)))
+    assert off.size > 6000 and off.max() < 0.02, (off.size, (off > 0.02).sum(), off.max())
