@@ -82,13 +82,13 @@ static void bound_twist(struct node *node, double added) {
     node->radius += off;
     node->centre[0] = node->centre[2] = 0;
     double reach = node->operation == NODE_SHAPE ? shape_reach(&node->shape) : node->radius;
-    double most = reach + added / node->growth;
-    node->twist_radius = most * (1 + 0x1p-10); // on the cylinder itself the surface would have no gradient
-    node->twist_inner = most - added;
+    // No surface lies on the cylinder: there it would have no gradient.
+    node->twist_radius = (reach + added / node->growth) * (1 + 0x1p-10);
+    // At ρ from the axis f is at least growth·(ρ − reach), and so, within the cylinder, ρ − twist_inner.
+    node->twist_inner = (node->twist_radius - node->growth * (node->twist_radius - reach)) * MARGIN;
     double shear = fabs(node->twist) * node->twist_radius;
     node->lipschitz *= (shear + sqrt(shear * shear + 4)) / 2 * MARGIN;
-    // Outside the cylinder f is the larger of ρ − twist_inner, which is above `added`, and the field at the nearest point
-    // of it: ρ − twist_radius may be less, and f, less what is added, 0 far from the solid.
+    // Outside f is the larger of ρ − twist_inner, which is above `added`, and the field at the cylinder's nearest point.
     node->growth /= 2;
 }
 

@@ -120,8 +120,8 @@ struct node {
     // Turns (x, z) by twist·y: to (c·x − s·z, s·x + c·z). A point farther than twist_radius from the y axis is
     // moved towards the axis to that distance first, else the slope would have no bound. There f becomes
     // max(f, its distance from the axis − twist_inner). The solid lies within twist_radius, where nothing changes.
-    double twist, twist_radius;     // radians per unit; 0: none
-    double twist_inner;             // less than that by what displacement, shell and offset add, and by 2⁻¹⁰ of it
+    double twist, twist_radius; // radians per unit; 0: none
+    double twist_inner; // twist_radius less the least that f can be there, before displacement
     double amplitude, frequency[3]; // f + amplitude·sin(ω0·qx)·sin(ω1·qy)·sin(ω2·qz); 0: none
     double shell, offset;           // 0: none
     // It or a descendant is repeated, and not its own mirror image at the cell's walls: the field may jump there,

@@ -66,7 +66,7 @@ CALL struct vec3 node_point(struct vec3 p, const struct node *node) {
                       mirror(p.z, node->mirror[2]));
 }
 
-// The point as its children, or its shape, see it. `beyond` gets how far it is from the twist's inner cylinder.
+// The point as its children, or its shape, see it. `beyond` gets its distance from the axis less twist_inner.
 CALL struct vec3 twist_point(struct vec3 p, const struct node *node, double *beyond) {
     COUNT(twist_point, call);
     *beyond = -INFINITY;

@@ -62,7 +62,7 @@ static inline void node_point(const double *p, const struct group_node *made, do
             q[k] = (COUNT(node_point, mirror), fabs(q[k]));
 }
 
-// The point as the node's children, or its shape, see it. Returns how far it is from the twist's inner cylinder.
+// The point as the node's children, or its shape, see it. Returns its distance from the axis less twist_inner.
 static inline double twist_point(const double *q, const struct node *node, double *r) {
     COUNT(twist_point, call);
     for (int k = 0; k < 3; k++)

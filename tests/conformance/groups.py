@@ -113,9 +113,10 @@ def bound(node: dict, root: bool = False) -> Bound:
     offset = node.get("offset", 0) if node["type"] != "plane" else 0
     added = displace["amplitude"] + node.get("shell", 0) + max(offset, 0)
     centre, radius, growth, slope, twist_radius = made.centre, made.radius, made.growth, made.slope, 0.0
-    twist_inner = lateral + added / growth - added
+    twist_inner = 0.0
     if node.get("twist"):
         twist_radius = (lateral + added / growth) * (1 + 2**-10)
+        twist_inner = twist_radius - growth * (twist_radius - lateral)
         shear = abs(node["twist"]) * twist_radius
         slope *= (shear + math.sqrt(shear**2 + 4)) / 2
         radius += math.hypot(centre[0], centre[2])
@@ -139,7 +140,7 @@ def _signs(group: dict) -> Array:
 
 
 def _inside(local: Array, node: dict) -> tuple[Array, Array, Array]:
-    """Points in the node's frame before and after its twist, and how far they are from its inner cylinder."""
+    """Points in the node's frame, before and after its twist; how far they are beyond twist_inner."""
     q = local.copy()
     for axis, name in enumerate("xyz"):
         if name in node.get("mirror", ""):
@@ -147,7 +148,8 @@ def _inside(local: Array, node: dict) -> tuple[Array, Array, Array]:
     twist = node.get("twist", 0)
     if not twist:
         return q, q, np.full(len(q), -np.inf)
-    radius, inner = bound(node).twist_radius, bound(node).twist_inner
+    made = bound(node)
+    radius, inner = made.twist_radius, made.twist_inner
     reach = np.hypot(q[:, 0], q[:, 2])
     turned = (q[:, 0] + 1j * q[:, 2]) * np.exp(1j * twist * q[:, 1])
     turned *= np.where(reach > radius, radius / np.where(reach > 0, reach, 1), 1)

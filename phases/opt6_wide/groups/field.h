@@ -9,8 +9,8 @@
 #include "groups/field_part.h"
 #include "groups/program.h"
 
-// A point in a node's frame: after position, rotation, repeat and mirror, and then twisted. `over`: how far it is
-// from the twist's inner cylinder.
+// A point in a node's frame: after position, rotation, repeat and mirror, and then twisted. `over`: its distance
+// from the twist's axis less twist_inner.
 struct node_point {
     struct vec q, r;
     vfloat over;

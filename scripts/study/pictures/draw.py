@@ -181,6 +181,7 @@ def _place(axes: Axes, names: list[Name]) -> None:
         on = np.minimum(boxes[:, None, 2:], others[:, 2:]) > np.maximum(boxes[:, None, :2], others[:, :2])
         under = (lines[:, :, None] > others[:, :2]) & (lines[:, :, None] < others[:, 2:])
         under = under.all(-1).sum((1, 2)) / POINTS * cost  # pixels, as the cost is
+        # In pixels of way: 100 for what the name covers, 4 for each pixel of its line on something.
         best[i] = int(np.argmin(cost + 100 * on.all(-1).sum(1) + 4 * under))
         taken[i] = np.concatenate([boxes[[best[i]]], _boxes(lines[best[i]], 2)])
     back = axes.transData.inverted().transform

@@ -36,7 +36,7 @@ BASE = Spec("baseline", "baseline")
 DOES_NOT_COMPILE = 4  # exit status
 BEFORE = 3  # frames of other views, at most, before the one whose bits are compared: as in a timed launch
 COUNTED = 3  # times as high as what cachegrind counts is the picture
-FRACTAL = 45  # height: of a fractal's 4x4 means in a smaller picture one alone can decide, by its rounding
+FRACTAL = 45  # least height of a fractal's picture: in a smaller one the rounding of one pixel decides
 COUNTED_HEIGHT = 60  # of what is counted block by block
 ABSURD = 10  # times the goal: then something is not drawn, or not timed
 UNSURE = "The interval holds the goal. Measure again: on a quieter machine, or with --launches 30."
@@ -347,7 +347,7 @@ def judged(args: argparse.Namespace) -> Outcome:
             return Outcome({"lab": lab.number, "scene": place}, [f"Its scene is {place}; {asks}"])
         scene = scene or registry.find_scene(lab.scene)
         if scene.fractal and not lab.height and args.n < FRACTAL:
-            raise StudyError(f"a fractal's picture of so few pixels is judged by luck: -n {FRACTAL} or more")
+            raise StudyError(f"so small a picture of a fractal is judged by luck: -n {FRACTAL} or more")
         spec = Spec.parse(args.phase)
         if not lab.start:
             lab = replace(lab, start=registry.parent_of(args.phase) or "")

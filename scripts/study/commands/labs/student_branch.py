@@ -96,7 +96,7 @@ def kept(opened: Sequence[Lab], root: Path) -> tuple[set[str], set[Path]]:
         }
         named |= {patch.path for patch in patches.chain(breaks, root)} if breaks else set()
         if lab.get("answers", "").startswith("published"):
-            phases |= {"opt2", FLOAT.phase}  # which its page measures
+            phases |= {"opt2", FLOAT.phase}  # which labs 10 and 12 measure
         above: str | None = start.partition("+")[0]
         while above and above != FLOAT.phase:
             above = registry.parent_of(above, root)
