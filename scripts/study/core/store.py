@@ -10,6 +10,7 @@ import functools
 import json
 import os
 import re
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,7 +62,7 @@ def writable(folder: Path) -> Path:
     """`folder`, made if need be and tried with a file. Raises StudyError: before measuring, not after."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with temporary.folder(folder, ".writable."):
+        with tempfile.TemporaryFile(dir=folder):  # without a name: nothing stays at a signal
             pass
     except OSError as error:
         raise Unwritten(f"{folder}: cannot be written to: {error.strerror or error}") from None
