@@ -134,8 +134,8 @@ void node_bound(struct node *nodes, int index) {
     double added = node->amplitude + node->shell + fmax(node->offset, 0);
     if (node->twist != 0)
         bound_twist(node, added);
-    // The gradient of sin ωx·x · sin ωy·y · sin ωz·z squared is linear in each sin²: it is largest where each is 0
-    // or 1, and there it is the square of one ω or 0.
+    // The square of the gradient of sin ωx·x · sin ωy·y · sin ωz·z is linear in each sin². So it is largest where
+    // each is 0 or 1. There it is the square of one ω, or 0.
     const double *w = node->frequency;
     if (node->amplitude > 0)
         node->lipschitz += node->amplitude * MARGIN * fmax(w[0], fmax(w[1], w[2]));
