@@ -44,22 +44,27 @@ class Ran(msgspec.Struct):
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """A program's table with its blocks decoded; `masked`, `repeated`: block and place → counter."""
+    """A program's table; `masked`, `repeated`: block and place → counter. `code`: of the blocks that ran."""
 
     path: Path
     raw: assembly.Table
-    code: list[list[Decoded]]
+    code: dict[int, list[Decoded]]
     masked: dict[tuple[int, int], int]
     repeated: dict[tuple[int, int], int]
+
+    def decoded(self, number: int) -> list[Decoded]:
+        if number not in self.code:
+            block = self.raw.blocks[number]
+            self.code[number] = decode(bytes.fromhex(block.bytes), block.offset)
+        return self.code[number]
 
 
 @functools.lru_cache(maxsize=4)
 def read_table(path: Path) -> Table:
-    """Decoded once: many scenes are counted by one program."""
+    """Read once: many scenes are counted by one program."""
     raw = msgspec.json.decode(path.read_bytes(), type=assembly.Table)
-    code = [decode(bytes.fromhex(block.bytes), block.offset) for block in raw.blocks]
     masked, repeated = ({key: n for n, key in enumerate(keys)} for keys in (raw.masked, raw.repeated))
-    return Table(path, raw, code, masked, repeated)
+    return Table(path, raw, {}, masked, repeated)
 
 
 def evaluate(
@@ -80,7 +85,7 @@ def evaluate(
         counts = functions[source_name(block.function)]
         if block.entry and not is_part(block.function):
             counts.calls += times
-        for place, one in enumerate(table.code[number]):
+        for place, one in enumerate(table.decoded(number)):
             if (number, place) in table.repeated:
                 rounds = ran.repeated[table.repeated[number, place]]
                 counts.load += one.load * rounds

@@ -208,6 +208,20 @@ def test_a_study_says_a_line_a_chapter_and_keeps_the_remarks(done, tmp_path, mon
     assert "murmurs" not in said
 
 
+def test_a_slow_machine_leaves_out_the_last_chapters(done, tmp_path, monkeypatch, capsys):
+    """Only of a quick study; each is named with the command that makes it."""
+    monkeypatch.setattr(run_study, "QUICK_ENDS", 0)
+    run_study.run(arguments(tmp_path))
+    names = [one.name for one in run_study.chosen(arguments(tmp_path))]
+    said = [one.partition(":")[0] for one in cuts.remarks(tmp_path / "run")]
+    assert said == names and not set(names) & {name for name, _ in done}
+    assert all(f"make {name}\n" in capsys.readouterr().err for name in names[:1])
+    shutil.rmtree(tmp_path / "run")
+    shutil.copytree(FIXTURE, tmp_path / "run")
+    run_study.run(arguments(tmp_path, "standard"))
+    assert {"verify", "frames"} <= {name for name, _ in done}
+
+
 def test_a_young_page_is_left_as_it_is(done, tmp_path, monkeypatch):
     monkeypatch.setattr(run_study, "PAGE_SECONDS", 3600)
     run_study.run(arguments(tmp_path))

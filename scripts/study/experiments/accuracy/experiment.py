@@ -75,7 +75,7 @@ def errors(path: Path) -> Section:
 EXPERIMENT = Experiment(
     name="accuracy",
     what="every phase against ground truth",
-    turn=60,
+    turn=15,
     schemas=SCHEMAS,
     calls=calls,
     depth="quick",
