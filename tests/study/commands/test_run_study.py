@@ -215,7 +215,7 @@ def test_a_slow_machine_leaves_out_the_last_chapters(done, tmp_path, monkeypatch
     names = [one.name for one in run_study.chosen(arguments(tmp_path))]
     said = [one.partition(":")[0] for one in cuts.remarks(tmp_path / "run")]
     assert said == names and not set(names) & {name for name, _ in done}
-    assert all(f"make {name}\n" in capsys.readouterr().err for name in names[:1])
+    assert f"make {names[0]}\n" in capsys.readouterr().err
     shutil.rmtree(tmp_path / "run")
     shutil.copytree(FIXTURE, tmp_path / "run")
     run_study.run(arguments(tmp_path, "standard"))
