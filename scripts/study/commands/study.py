@@ -266,11 +266,10 @@ def run(args: argparse.Namespace) -> Outcome:
         quick = args.depth == "quick" and not args.part
         cuts.note(folder, "sweep", timing.cut if quick else "", [*chapter.remarks, *made.remarks])
     study = Study(folder, args.scene, height, args.depth, bool(args.part))
-    drawn = -math.inf  # without the sweep
+    drawn, late = -math.inf, []  # without the sweep
     for number, one in enumerate(parts):
-        if study.quick and time.monotonic() - begin > QUICK_ENDS:
-            cuts.note(folder, one.name, "", [late := f"left out, its time is over: make {one.name}"])
-            cli.say(f"{one.what}: {late}")
+        if study.quick and number > 1 and time.monotonic() - begin > QUICK_ENDS:  # pictures are always judged
+            late.append(one.name)
             continue
         if time.monotonic() - drawn >= PAGE_SECONDS:
             report(folder, [other.what for other in parts[number:]])
@@ -282,6 +281,9 @@ def run(args: argparse.Namespace) -> Outcome:
             wrong.measure(one, study)
             chapter.result = came_out(folder, one)
         cuts.note(folder, one.name, one.cut if study.quick else "", chapter.remarks)
+    if late:
+        cuts.note(folder, "study", "", [left := f"left out, ten minutes are over: make {' '.join(late)}"])
+        cli.say(left)
     with Chapter(begin, "tables and report"):
         finish(folder)
     if remarks := cuts.remarks(folder):

@@ -209,13 +209,14 @@ def test_a_study_says_a_line_a_chapter_and_keeps_the_remarks(done, tmp_path, mon
 
 
 def test_a_slow_machine_leaves_out_the_last_chapters(done, tmp_path, monkeypatch, capsys):
-    """Only of a quick study; each is named with the command that makes it."""
+    """Only of a quick study; the command that makes them is named, and pictures are judged in any case."""
     monkeypatch.setattr(run_study, "QUICK_ENDS", 0)
     run_study.run(arguments(tmp_path))
     names = [one.name for one in run_study.chosen(arguments(tmp_path))]
-    said = [one.partition(":")[0] for one in cuts.remarks(tmp_path / "run")]
-    assert said == names and not set(names) & {name for name, _ in done}
-    assert f"make {names[0]}\n" in capsys.readouterr().err
+    called = {name for name, _ in done}
+    assert names[:2] == ["verify", "accuracy"] and called >= {*names[:2]} and not called & {*names[2:]}
+    (said,) = cuts.remarks(tmp_path / "run")
+    assert said.endswith(f"make {' '.join(names[2:])}") and said.partition(": ")[2] in capsys.readouterr().err
     shutil.rmtree(tmp_path / "run")
     shutil.copytree(FIXTURE, tmp_path / "run")
     run_study.run(arguments(tmp_path, "standard"))
