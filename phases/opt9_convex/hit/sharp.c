@@ -69,8 +69,10 @@ span_of(const struct primitive *s, struct vec o, struct vec d, vmask active) {
     vfloat zero = v_splat(0.0f), infinite = v_splat(INFINITY);
     struct span span = {zero - infinite, infinite, active};
     if (s->type == SHAPE_PLANE) {
-        vfloat slope = add_dot(s->normal, d), t = height_over(s, o) / (zero - slope);
-        vmask down = v_cmp_lt(slope, zero);
+        vfloat slope = add_dot(s->normal, d), height = height_over(s, o);
+        vfloat level = v_select(v_cmp_gt(height, zero), zero - infinite, infinite); // along the face
+        vmask down = v_cmp_lt(slope, zero), up = v_cmp_gt(slope, zero);
+        vfloat t = v_select(v_or(down, up), height / (zero - slope), level);
         span.in = v_select(down, t, span.in);
         span.out = v_select(down, infinite, t);
         return span;

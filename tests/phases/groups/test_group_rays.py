@@ -127,6 +127,20 @@ def test_cuts_mirrors_and_half_spaces_meet_rays_as_their_field_does(width: str, 
     check("opt9_convex", over_floor("hard", CUT), tmp_path, 50, width)
 
 
+def test_rays_along_a_half_spaces_face_are_in_it_or_not(tmp_path: Path) -> None:
+    """The middle row is level with the cuts, the middle column lies in the mirror's plane: slopes of 0."""
+    ball, below = solid("sphere", radius=0.9), {"normal": [0, 1, 0]}
+    cuts = [
+        group("intersection", ball, solid("plane", offset=height, **below), position=[x, 0, 12])
+        for x, height in ((-2, 0.4), (2, -0.3))
+    ]
+    pair = group("union", solid("box", half_size=[0.5, 0.9, 0.5], position=[0.3, 0, 12]), mirror="x")
+    scene = over_floor("hard", *cuts, pair)
+    scene["camera"] |= {"position": [0, 0, 0], "look_at": [0, 0, 12]}
+    theirs, mine = (picture(name, scene, tmp_path, (97, 55)) for name in ("baseline", "opt9_convex"))
+    assert np.array_equal(mine["id"], theirs["id"]), np.argwhere(mine["id"] != theirs["id"]).tolist()
+
+
 def lens(**keys: Any) -> dict:
     ball = solid("sphere", radius=0.7, position=[0.3, 0, 0])
     return group("intersection", ball, solid("box", half_size=[0.5, 0.9, 0.5]), **keys)
