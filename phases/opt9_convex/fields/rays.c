@@ -37,7 +37,7 @@ vfloat field_at(const struct local_ray *a, vfloat t, struct vec p,
     return field_distance(primitive->field, p);
 }
 
-enum { MOST_FIELD_STEPS = 512 };
+enum { MOST_FIELD_STEPS = 4096 };
 
 // Marches from near to far. Two balls about points of a ray that are h apart leave nothing between them if the fields
 // f there add up to h or more. With slope −s that is so for h = 2f/(1 + s): steps that long are tried, and taken back

@@ -42,7 +42,7 @@ def psnr(mine: dict, other: dict) -> float:
     return -10 * np.log10(max(square, 1e-30))
 
 
-def check(phase: str, scene: dict, tmp_path: Path, least: float, width: str = "16 lanes") -> None:
+def check(phase: str, scene: dict, tmp_path: Path, least: float, width: str = next(iter(WIDTHS))) -> None:
     """Holds the phase's picture against baseline's: hits, distances, colours by `least` dB."""
     theirs = baselines(json.dumps(scene))
     mine = picture(phase, scene, tmp_path, SIZE, **WIDTHS[width])
@@ -221,6 +221,14 @@ def test_a_shadow_ray_that_begins_inside_is_dark(tmp_path: Path) -> None:
     scene = over_floor("hard", PARTS | {"position": [0, -0.8, 13]})
     scene["march"]["surface_offset"] = 0.3
     check("opt9_convex", scene, tmp_path, 50)
+
+
+def test_a_steep_field_is_marched_to_its_end(tmp_path: Path) -> None:
+    """A round pill is itself however it is twisted. Here that makes the slope 135: a thousand steps, and more."""
+    pill = solid("capsule", radius=0.3, half_height=0.6, position=[0, 0, 12])
+    scenes = [over_floor("hard", one) for one in (pill, pill | {"twist": 450})]
+    plain, mine = (picture("opt9_convex", scene, tmp_path, SIZE) for scene in scenes)
+    assert np.array_equal(mine["id"], plain["id"]) and psnr(mine, plain) >= 50
 
 
 @pytest.mark.parametrize("phase", ["opt9_convex", "opt11_ideal"])
