@@ -140,6 +140,11 @@ def _name() -> str:
     return Path(sys.argv[0]).name
 
 
+def _say_no_more() -> None:
+    """Standard output takes nothing: the flush at exit must not say so again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(run: Callable[[], int | None]) -> None:
     """Runs a command's function and exits with its status (STATUSES). Errors are one line on stderr."""
     signal.signal(signal.SIGTERM, _signalled)
@@ -159,10 +164,10 @@ def main(run: Callable[[], int | None]) -> None:
         print(f"{_name()}: interrupted", file=sys.stderr)
         status = INTERRUPTED
     except BrokenPipeError:
-        # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _say_no_more()  # the reader has gone (head, less): that is no error
         status = OK
     except OSError as error:  # a full disk behind standard output
+        _say_no_more()
         print(f"{_name()}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
         status = BAD_INPUT
     except Exception as error:

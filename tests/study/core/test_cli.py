@@ -138,6 +138,20 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     child.stderr.close()
 
 
+def test_a_full_disk_behind_standard_output_is_one_line(tmp_path):
+    """Where it is buffered, Python flushes it again when it ends, and would have status 120."""
+    path = tmp_path / "some.py"
+    scripts = str(ROOT / "scripts")
+    path.write_text(
+        f"import sys; sys.path.insert(0, {scripts!r})\n"
+        "from study.core import cli\ncli.main(lambda: print('x'))\n"
+    )
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-I", path]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (cli.BAD_INPUT, 1), done.stderr
+
+
 @pytest.mark.parametrize("command", commands.find_all().values(), ids=lambda command: command.name)
 def test_every_command_names_its_exit_statuses_and_refuses_an_unknown_option(command, capsys):
     parser = commands.parser_of(command)
