@@ -1,5 +1,6 @@
 """The table of a run of programs that are no phases: times, ratios, verdicts; and hyperfine's JSON of it."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -204,11 +205,12 @@ def remarks(found: Sequence[Row]) -> list[str]:
 def hyperfine(run: Run) -> dict[str, Any]:
     """A run as `hyperfine --export-json` writes one: seconds, every timed launch, programs in order."""
     frames, results = run.frames(), []
-    given_first = {one.name: place for place, one in enumerate(run.plan.programs)}
-    frames = frames.sort_values("spec", key=lambda names: names.map(given_first).fillna(0), kind="stable")
-    for _, some in frames[~frames.warmup.astype(bool)].groupby("config", sort=False):
+    order = {(one.name, one.case): place for place, one in enumerate(run.plan.programs)}
+    every = [some for _, some in frames[~frames.warmup.astype(bool)].groupby("config", sort=False)]
+    for some in sorted(every, key=lambda some: order.get((some.spec.iloc[0], some.scene.iloc[0]), 0)):
         one = some.iloc[0]
-        given = dict(part.split("=", 1) for part in str(one.scene).split(" ") if "=" in part)
+        parts = re.split(r" (?=[^ =]+=)", str(one.scene))  # values may have spaces
+        given = dict(part.split("=", 1) for part in parts if "=" in part)
         picture = show.size(one.width, one.height) and f"{one.scene} {show.size(one.width, one.height)}"
         launches = some.groupby("launch")
         times = (launches.ns.median() / 1e9).tolist()

@@ -168,6 +168,16 @@ def test_every_value_of_vary_is_a_case(timed, tmp_path):
     assert rows[2]["ms"]["value"] == 0.002 and rows[5]["ratio"]["value"] == pytest.approx(4 / 14)
 
 
+def test_cases_are_exported_in_their_order_with_whole_values(timed, tmp_path):
+    """Whatever the random order in which they were launched."""
+    out = tmp_path / "cases.json"
+    words = ["--vary", "n", "a 1,b 2", "--vary", "u", "x,y", "--export-json", out]
+    timed("--launches", 1, "--warmup", 0, *words, "--", "echo {n} {u}", ":::", "echo", "-n", "{n}{u}")
+    given = [one["parameters"] for one in json.loads(out.read_text())["results"]]
+    cases = [{"n": n, "u": u} for n in ("a 1", "b 2") for u in "xy" for _ in range(2)]
+    assert given == cases
+
+
 def test_commands_around_the_launches(timed, tmp_path):
     """--prepare before each launch, of each command its own; --cleanup once for each command, at the end."""
     log = tmp_path / "log"
