@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from study.core import run
+from study.core import run, store
 from study.core.cli import StudyError
 from study.core.registry import ROOT, find_scene
 from study.core.store import Run
@@ -33,6 +33,7 @@ def by_turns(base: Run, other: Run, checkout: Path, keys: Iterable[Key], seed: i
     """Configuration → ns of a frame, by launch, of the base's program and of this checkout's, in one
     interleaved run by the plan of `other`. Raises StudyError."""
     plan, keys = other.plan, list(keys)
+    store.known_scenes(other.path)
     programs = {
         (key, side): program(measured, folder, key[4])
         for key in keys

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from compared import make_run, run, sides
 
+from study.core import commands, registry
 from study.measuring import again, changes
 from study.measuring.changes import FASTER, ONCE, SAME, SLOWER
 from study.measuring.two_runs import Side
@@ -207,6 +208,25 @@ def test_what_looks_slower_fails_only_if_it_is_slower_again(again_runs, tmp_path
     assert set(counts) == {16}
     done = run(*words, "--fail-on-slower")
     assert done.returncode == 1 and done.stderr.count("FAIL") == 1 and "opt1 scene0" in done.stderr
+
+
+def test_a_scene_that_was_given_as_a_file_is_launched_from_the_run(again_runs, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(registry, "_given", {})
+    for path in again_runs:
+        frames = path / "frames.jsonl"
+        frames.write_text(frames.read_text().replace('"scene0"', '"mine"'))
+    own = again_runs[1] / "own-scenes" / "mine.json"
+    own.parent.mkdir()
+    own.write_bytes(registry.scenes()["trio"].path.read_bytes())
+    launched = []
+
+    def render(spec, path, *_, **__):
+        launched.append(path)
+        return again.launches.Made(frames=[again.launches.Frame(ns=1e8 + len(launched))])
+
+    monkeypatch.setattr(again.launches, "render", render)
+    commands.called("compare", [*again_runs, "--confirm", tmp_path / "there"])
+    assert set(launched) == {own}
 
 
 def test_nothing_is_launched_where_nothing_looks_slower(again_runs, tmp_path) -> None:
