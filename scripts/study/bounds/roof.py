@@ -226,11 +226,15 @@ def _point(
     )
 
 
-def _apart(cell: Cell) -> bool:
+def _apart(cell: Cell, run: Path) -> bool:
     """Whether a kernel ran that is other code than the general one, of which the counts are."""
     phase = registry.phases().get(cell.phase)
     generated = cell.facts.kernel == GENERATED and phase is not None and phase.kernel_apart
-    return generated and not registry.find_scene(cell.scene).fractal
+    own = run / store.OWN_SCENES / f"{cell.scene}.json"  # of a scene that was given as a file
+    return (
+        generated
+        and not (registry.scene_at(own) if own.exists() else registry.find_scene(cell.scene)).fractal
+    )
 
 
 def points(data: Data, counted: schema.Counts, limits: Ceilings | None) -> list[Point]:
@@ -239,7 +243,7 @@ def points(data: Data, counted: schema.Counts, limits: Ceilings | None) -> list[
     made = [
         _point(cell, counted, limits, data, stated)
         for cell in data.cells
-        if cell.threads == 1 and not _apart(cell)
+        if cell.threads == 1 and not _apart(cell, data.path)
     ]
     return [one for one in made if one is not None]
 
