@@ -143,6 +143,18 @@ void node_bound(struct node *nodes, int index) {
     to_parent(node);
 }
 
+bool node_is_distance(const struct node *nodes, int index) {
+    bool is = true;
+    for (int i = index; i < nodes[index].end; i++) {
+        const struct node *node = &nodes[i];
+        bool bent = node->twist != 0 || node->amplitude > 0 || node->shell > 0 || node->offset < 0;
+        bool solid = node->shape.type != SHAPE_ELLIPSOID && node->shape.type != SHAPE_GYROID;
+        bool joined = node->operation == NODE_UNION && !(node->blend > 0);
+        is = is && !bent && (node->operation == NODE_SHAPE ? solid : joined);
+    }
+    return is;
+}
+
 void model_bound_nodes(struct model *model) {
     for (int i = model->node_count - 1; i >= 0; i--) // children stand after their parent
         node_bound(model->nodes, i);

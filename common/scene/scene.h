@@ -133,6 +133,9 @@ struct node {
     double growth;            // 0 to 1: outside the sphere, f ≥ growth·(|p − centre| − radius)
 };
 
+// Whether a node's field is the distance to its solid, outside of it. Others are less than that somewhere.
+bool node_is_distance(const struct node *nodes, int index);
+
 struct material {
     double color[3];
     double reflectivity; // 0 = not a mirror

@@ -118,8 +118,12 @@ static inline vfloat level_of(int n, int stride, vfloat *d, float per_blend, vfl
         sum = v_add_where(in, sum, e);
         kept = v_add_where(in, kept, one);
     }
-    for (;;) { // the least alone: kept = 1, τ = 1
-        vfloat tau = *level = (one + sum) / kept, fewer = v_splat(0.0f);
+    vfloat tau = one;
+    for (
+        ;
+        ;) { // the least alone: kept = 1, τ = 1. By rounding τ could rise, and two lanes in turns for ever
+        tau = *level = v_min((one + sum) / kept, tau);
+        vfloat fewer = v_splat(0.0f);
         sum = fewer;
         for (int i = 0; i < n; i++) {
             vmask in = v_cmp_lt(d[i * stride], tau);

@@ -71,6 +71,9 @@ static void prepare_group(struct prepared *prepared, int index) {
     p->bound = (float)(root->radius * (1 + 1e-5)) + 2 * p->error;
     p->bound_sq = p->bound * p->bound;
     double q = prepared->lit_slope * root->lipschitz / root->growth * (1 + 1e-5);
+    if (model->shadows == SHADOWS_SOFT &&
+        !node_is_distance(model->nodes, (int)(root - model->nodes)))
+        q = 1; // PROOFS.md, 9.
     p->slope_lit = (float)fmin(q, 1);
     p->slope_bound = p->slope_lit * p->bound;
     p->slope_a = 1 - p->slope_lit * p->slope_lit;

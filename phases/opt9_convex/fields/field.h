@@ -17,6 +17,7 @@ struct field {
     float least;     // a field below this is 0: rounding
     float floor;     // steps along a shadow ray are no shorter
     float share;     // outside of its sphere it is no less than this share of the way there
+    float lit_share; // as share; 0: it clears no shadow ray
     float bend;      // its field bends down by no more than this along a ray; 0: not known
     // Balls that hold the children's parts of the surface, of a union whose children have such; levels 0: the group is
     // marched as a whole.

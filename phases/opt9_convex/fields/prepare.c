@@ -1,6 +1,7 @@
 // Prepares groups: the balls of a union's children. No lanes in here.
 #include "fields/field.h"
 #include "groups/program.h"
+#include "types/ideal.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -128,7 +129,10 @@ void fields_prepare(struct field_set *set, const struct prepared *prepared) {
         f->program = p->program;
         f->radius = (float)root->radius;
         double share = root->growth / root->lipschitz;
-        f->share = (float)(share < 1 ? share * (1 - 1e-5) : 1);
+        bool estimated = model->shadows == SHADOWS_SOFT && !SOFT_IS_IDEAL;
+        estimated = estimated && !node_is_distance(model->nodes, index);
+        f->share = (float)(share < 1 || estimated ? share * (1 - 1e-5) : 1);
+        f->lit_share = estimated ? 0 : f->share;
         f->least = 0x1p-21f * (f->radius < INFINITY ? f->radius : 1.0f);
         f->floor = f->least * (root->lipschitz > 1 ? 0x1p6f : 0x1p12f); // what bends, bends near
         bool bounded = !p->repeated && root->radius < INFINITY;

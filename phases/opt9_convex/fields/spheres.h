@@ -37,7 +37,7 @@ __attribute__((always_inline)) static inline vfloat level_near(const vfloat *e, 
         if (!v_any(v_cmp_lt(in_level, kept)))
             return level;
         kept = in_level;
-        level = sum * v_rcp_approx(kept);
+        level = v_min(sum * v_rcp_approx(kept), level); // rounding alone would raise it, for ever
     }
 }
 

@@ -84,12 +84,11 @@ INLINE float share_of(const struct primitive *s) {
     return s->type == SHAPE_MANDELBULB ? BULB_SHARE : IS_GROUP(s) ? s->field->share : 1.0f;
 }
 
-// Returns the slope of the cone that has to miss the sphere of shape s. For a Mandelbulb it is 1: its estimate
-// is no distance, so the proof for smaller slopes (PROOFS.md, 1.) does not hold.
+// Returns the slope of the cone that has to miss the sphere of shape s. It is 1 for what is no distance, a Mandelbulb's
+// estimate or an intersection under a soft shadow: the proof for smaller slopes (PROOFS.md, 1.) does not hold.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
-    if (s->type == SHAPE_MANDELBULB || !(q < share_of(s)))
-        return 1.0f;
-    return q / share_of(s);
+    float share = IS_GROUP(s) ? s->field->lit_share : share_of(s);
+    return s->type == SHAPE_MANDELBULB || !(q < share) ? 1.0f : q / share;
 }
 
 #include "simd/flat_radius.h"

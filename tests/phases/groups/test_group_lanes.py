@@ -77,3 +77,31 @@ def test_clusters_of_a_molecule(tmp_path: Path) -> None:
     scene = registry.large()["molecule"].path
     mine, parents = (picture(phase, scene, tmp_path, (32, 18)) for phase in ("opt8_streams", "opt6_wide"))
     check_same(mine, parents, "molecule")
+
+
+@pytest.mark.parametrize("phase", ["opt8_streams", "opt9_convex", "opt10_scene"])
+def test_an_intersection_clears_no_soft_shadow(phase: str, tmp_path: Path) -> None:
+    """The greater of two distances is no distance: near it the estimator darkens rays whose cone is free."""
+    boxes = [
+        {"half_size": [0.429, 0.703, 0.766], "rounding": 0.258, "position": [-0.979, -0.421, -0.606]},
+        {"half_size": [0.595, 0.987, 0.392], "position": [0.166, 0.944, -0.243]},
+    ]
+    inside = [{"type": "box", "material": "a"} | box for box in boxes]
+    scene = crowd(1, 1, "soft")
+    scene["materials"]["a"] = {"color": [0.6, 0.5, 0.4], "reflectivity": 0, "shininess": 15}
+    scene["camera"] |= {"position": [2.169, 1.145, -6.599], "look_at": [0, 0, 0], "vertical_fov_degrees": 50}
+    scene["light"] |= {"position": [-1.249, 4.059, -2.787], "shadow_strength": 8}
+    scene["shapes"] = [
+        {"type": "group", "operation": "intersection", "position": [0, -0.8, 0], "shapes": inside},
+        {"type": "plane", "normal": [0, 1, 0], "offset": -2.0, "material": "a"},
+    ]
+    mine, theirs = (picture(name, scene, tmp_path, (123, 75)) for name in (phase, "baseline"))
+    assert (np.abs(images.rgb(mine) - images.rgb(theirs)).max(axis=-1) > 0.05).sum() <= 3
+
+
+@pytest.mark.parametrize("width", EACH_WIDTH)
+def test_a_blends_passes_come_to_an_end(width: str, tmp_path: Path) -> None:
+    """Rounding must not raise the level that they lower: two lanes would take turns for ever."""
+    scene = registry.groups()["metaballs"].path
+    for phase in ("opt6_wide", "opt9_convex"):
+        picture(phase, scene, tmp_path, (640, 360), "--warmup", 1, "--reps", 3, **WIDTHS[width])

@@ -224,7 +224,7 @@ def test_a_shadow_ray_that_begins_inside_is_dark(tmp_path: Path) -> None:
 
 
 def test_a_steep_field_is_marched_to_its_end(tmp_path: Path) -> None:
-    """A round pill is itself however it is twisted. Here that makes the slope 135: a thousand steps, and more."""
+    """A round pill is itself however it is twisted. Here that makes the slope 135: over a thousand steps."""
     pill = solid("capsule", radius=0.3, half_height=0.6, position=[0, 0, 12])
     scenes = [over_floor("hard", one) for one in (pill, pill | {"twist": 450})]
     plain, mine = (picture("opt9_convex", scene, tmp_path, SIZE) for scene in scenes)
