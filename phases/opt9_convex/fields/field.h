@@ -34,6 +34,7 @@ struct field_set;
 // Reserves the fields of the model's groups. Returns NULL if memory is short.
 struct field_set *fields_reserve(const struct model *model);
 void fields_free(struct field_set *set);
-// Prepares them, again whenever the shapes have moved. Precondition: their programs are compiled.
-void fields_prepare(struct field_set *set, const struct prepared *prepared);
+// Prepares them, again whenever the shapes have moved. `estimated`: shadows are the paper's estimate, which needs
+// distances. Precondition: their programs are compiled.
+void fields_prepare(struct field_set *set, const struct prepared *prepared, bool estimated);
 struct field *field_of(struct field_set *set, int i);

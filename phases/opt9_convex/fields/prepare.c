@@ -1,7 +1,6 @@
 // Prepares groups: the balls of a union's children. No lanes in here.
 #include "fields/field.h"
 #include "groups/program.h"
-#include "types/ideal.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -117,7 +116,7 @@ static void set_balls(struct field *f, const struct model *model, int root_index
     }
 }
 
-void fields_prepare(struct field_set *set, const struct prepared *prepared) {
+void fields_prepare(struct field_set *set, const struct prepared *prepared, bool estimated) {
     const struct model *model = &prepared->model;
     for (int i = 0; i < model->shape_count; i++) {
         if (model->shapes[i].type != SHAPE_GROUP)
@@ -129,10 +128,9 @@ void fields_prepare(struct field_set *set, const struct prepared *prepared) {
         f->program = p->program;
         f->radius = (float)root->radius;
         double share = root->growth / root->lipschitz;
-        bool estimated = model->shadows == SHADOWS_SOFT && !SOFT_IS_IDEAL;
-        estimated = estimated && !node_is_distance(model->nodes, index);
-        f->share = (float)(share < 1 || estimated ? share * (1 - 1e-5) : 1);
-        f->lit_share = estimated ? 0 : f->share;
+        bool marched = estimated && !node_is_distance(model->nodes, index);
+        f->share = (float)(share < 1 || marched ? share * (1 - 1e-5) : 1);
+        f->lit_share = marched ? 0 : f->share;
         f->least = 0x1p-21f * (f->radius < INFINITY ? f->radius : 1.0f);
         f->floor = f->least * (root->lipschitz > 1 ? 0x1p6f : 0x1p12f); // what bends, bends near
         bool bounded = !p->repeated && root->radius < INFINITY;

@@ -200,7 +200,7 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         prepared->primitives[i] = prepare_shape(i, &model->shapes[i], &model->march);
     compile_groups(prepared);
-    fields_prepare(prepared->fields, prepared);
+    fields_prepare(prepared->fields, prepared, model->shadows == SHADOWS_SOFT && !SOFT_IS_IDEAL);
     prepared->sharp_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->primitives[i];

@@ -70,7 +70,8 @@ span_of(const struct primitive *s, struct vec o, struct vec d, vmask active) {
     struct span span = {zero - infinite, infinite, active};
     if (s->type == SHAPE_PLANE) {
         vfloat slope = add_dot(s->normal, d), height = height_over(s, o);
-        vfloat level = v_select(v_cmp_gt(height, zero), zero - infinite, infinite); // along the face
+        vfloat level =
+            v_select(v_cmp_gt(height, zero), zero - infinite, infinite); // along the face
         vmask down = v_cmp_lt(slope, zero), up = v_cmp_gt(slope, zero);
         vfloat t = v_select(v_or(down, up), height / (zero - slope), level);
         span.in = v_select(down, t, span.in);

@@ -1,6 +1,9 @@
 """study/bounds/roof_shares.py: the roof of an operation mix, by hand, with ceilings of round numbers."""
 
+import json
 import math
+import shutil
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -8,7 +11,11 @@ from complete import ROUND_RATES, round_ceilings
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.bounds import ceilings, roof_shares
+from study.bounds import ceilings, roof, roof_shares
+from study.core import registry, store
+from study.numbers import analysis
+
+FIXTURE = Path(__file__).resolve().parents[2] / "fixtures" / "run"
 
 
 @pytest.fixture
@@ -77,3 +84,21 @@ def test_fmas_alone_have_the_fma_roof(limits: ceilings.Ceilings) -> None:
     for precision, bits in (("double", 64), ("double", 256), ("single", 128)):
         made = roof_shares.mix({("fma", precision, bits): 1000}, limits)
         assert made.roof == pytest.approx(limits.flops("fma", precision, bits))
+
+
+def test_a_scene_that_was_given_as_a_file_is_read_from_the_run(tmp_path: Path) -> None:
+    """Whose kernel is other code than what was counted, but for a fractal."""
+    run = Path(shutil.copytree(FIXTURE, tmp_path / "machine" / "run"))
+    path = run / "frames.jsonl"
+    told = {"scene": "mine", "phase": "opt12_fused", "flags_from": "opt12_fused", "kernel": "generated"}
+    frames = [json.loads(line) for line in path.read_text().splitlines()]
+    mine = [
+        one | told for one in frames if (one["phase"], one["scene"], one["height"]) == ("opt4", "scene0", 180)
+    ]
+    path.write_text("".join(json.dumps(one) + "\n" for one in mine))
+    (run / store.OWN_SCENES).mkdir()
+    for name, apart in (("scene0", True), ("mandelbulb", False)):
+        own = run / store.OWN_SCENES / "mine.json"
+        own.write_bytes(registry.scenes()[name].path.read_bytes())
+        cells = analysis.load(run).cells
+        assert cells and {roof._apart(cell, run) for cell in cells} == {apart}

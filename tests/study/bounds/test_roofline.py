@@ -22,7 +22,7 @@ from complete import round_ceilings
 
 from study.bounds import ceilings, roof, roof_shares
 from study.bounds.roof import Point
-from study.core import registry, store
+from study.core import store
 from study.core.run_schema import Context
 from study.counting import costs, flops
 from study.counting.counts import Counts
@@ -375,23 +375,6 @@ def test_few_launches_have_no_interval(run: Path) -> None:
     counted, limits, _ = roof.read(run, strict=False)
     (opt1,) = roof.points(analysis.load(run), counted, limits)
     assert opt1.flops_per_core_cycle > 0 and math.isnan(opt1.flops_per_core_cycle_low)
-
-
-def test_a_scene_that_was_given_as_a_file_is_read_from_the_run(run: Path) -> None:
-    """Whose kernel is other code than what was counted, but for a fractal."""
-    path = run / "frames.jsonl"
-    told = {"scene": "mine", "phase": "opt12_fused", "flags_from": "opt12_fused", "kernel": "generated"}
-    frames = [json.loads(line) for line in path.read_text().splitlines()]
-    mine = [
-        one | told for one in frames if (one["phase"], one["scene"], one["height"]) == ("opt4", "scene0", 180)
-    ]
-    path.write_text("".join(json.dumps(one) + "\n" for one in mine))
-    (run / store.OWN_SCENES).mkdir()
-    for name, apart in (("scene0", True), ("mandelbulb", False)):
-        own = run / store.OWN_SCENES / "mine.json"
-        own.write_bytes(registry.scenes()[name].path.read_bytes())
-        cells = analysis.load(run).cells
-        assert cells and {roof._apart(cell, run) for cell in cells} == {apart}
 
 
 # The command, its files and its figures
