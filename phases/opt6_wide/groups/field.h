@@ -118,10 +118,9 @@ static inline vfloat level_of(int n, int stride, vfloat *d, float per_blend, vfl
         sum = v_add_where(in, sum, e);
         kept = v_add_where(in, kept, one);
     }
+    // The least alone: kept = 1, τ = 1. If τ rose by rounding, two lanes could go on in turns for ever.
     vfloat tau = one;
-    for (
-        ;
-        ;) { // the least alone: kept = 1, τ = 1. By rounding τ could rise, and two lanes in turns for ever
+    for (;;) {
         tau = *level = v_min((one + sum) / kept, tau);
         vfloat fewer = v_splat(0.0f);
         sum = fewer;
