@@ -70,10 +70,10 @@ span_of(const struct primitive *s, struct vec o, struct vec d, vmask active) {
     struct span span = {zero - infinite, infinite, active};
     if (s->type == SHAPE_PLANE) {
         vfloat slope = add_dot(s->normal, d), height = height_over(s, o);
-        vfloat level =
-            v_select(v_cmp_gt(height, zero), zero - infinite, infinite); // along the face
+        // A ray along the face is outside, or inside, all along.
+        vfloat along = v_select(v_cmp_gt(height, zero), zero - infinite, infinite);
         vmask down = v_cmp_lt(slope, zero), up = v_cmp_gt(slope, zero);
-        vfloat t = v_select(v_or(down, up), height / (zero - slope), level);
+        vfloat t = v_select(v_or(down, up), height / (zero - slope), along);
         span.in = v_select(down, t, span.in);
         span.out = v_select(down, infinite, t);
         return span;

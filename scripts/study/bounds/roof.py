@@ -229,12 +229,10 @@ def _point(
 def _apart(cell: Cell, run: Path) -> bool:
     """Whether a kernel ran that is other code than the general one, of which the counts are."""
     phase = registry.phases().get(cell.phase)
-    generated = cell.facts.kernel == GENERATED and phase is not None and phase.kernel_apart
+    if cell.facts.kernel != GENERATED or phase is None or not phase.kernel_apart:
+        return False
     own = run / store.OWN_SCENES / f"{cell.scene}.json"  # of a scene that was given as a file
-    return (
-        generated
-        and not (registry.scene_at(own) if own.exists() else registry.find_scene(cell.scene)).fractal
-    )
+    return not (registry.scene_at(own) if own.exists() else registry.find_scene(cell.scene)).fractal
 
 
 def points(data: Data, counted: schema.Counts, limits: Ceilings | None) -> list[Point]:
