@@ -3,6 +3,7 @@
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
 #include "frame/tile.h"
+#include "hit/sharp.h"
 #include "hit/solids.h"
 #include "hit/tile_frustum.h"
 #include "phase.h"
@@ -104,6 +105,23 @@ static void follow_mirrors(const struct tile_context *work) {
     }
 }
 
+// Returns whether the frustum may meet a part of the group.
+static bool parts_in_frustum(const struct sharp *sharp, const struct tile_frustum *w,
+                             const float *sides, const struct view *view) {
+    for (int i = 0; sharp && i < sharp->balls; i++) {
+        float c[3] = {0, 0, 0};
+        for (int k = 0; k < 3; k++) {
+            double off = (double)sharp->ball[i][k] - view->position[k];
+            c[0] += (float)(view->right[k] * off);
+            c[1] += (float)(view->up[k] * off);
+            c[2] += (float)(view->forward[k] * off);
+        }
+        if (ball_in_frustum(w, sides, c, sharp->ball[i][3]))
+            return true;
+    }
+    return !sharp || sharp->balls == 0;
+}
+
 // Adds shape i to the list if its bounding sphere meets the tile's frustum, and one of its balls if it has such; planes by
 // a bound, repeated shapes always.
 INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *sides,
@@ -119,10 +137,7 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
         add_to_set(list, i);
         return;
     }
-    float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
-    if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
-        c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
-        c[1] - w->top * c[2] < r * sides[3]) {
+    if (ball_in_frustum(w, sides, c, s->bound)) {
         if (HAS_BALLS(s)) {
             struct vec axes[3] = {turned(s, vec_from_doubles(job->view->right)),
                                   turned(s, vec_from_doubles(job->view->up)),
@@ -131,7 +146,8 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
             if (!field_in_frustum(s->field, axes, c, edges, sides))
                 return;
         }
-        add_to_set(list, i);
+        if (!IS_GROUP(s) || parts_in_frustum(s->sharp, w, sides, job->view))
+            add_to_set(list, i);
     }
 }
 

@@ -172,6 +172,24 @@ static struct known_scene known_of(const struct model *model) {
         .lit_slope = lit_slope(model->shadow_strength)};
 }
 
+// Sets the balls of parts: each lies in its smallest leaf.
+static void set_part_balls(struct sharp *sharp, const struct primitive *group) {
+    sharp->balls = sharp->parts;
+    for (int part = 0; part < sharp->parts; part++) {
+        unsigned kept = sharp->part[part].kept;
+        const struct primitive *leaf = &sharp->leaf[kept ? __builtin_ctz(kept) : 0];
+        if (!kept || leaf->type == SHAPE_PLANE)
+            sharp->balls = 0;
+        sharp->ball[part][3] = leaf->bound * (1 + 1e-5f);
+        for (int k = 0; k < 3; k++) {
+            double at = group->centre[k];
+            for (int i = 0; i < 3; i++)
+                at += group->row[i][k] * (double)leaf->position[i];
+            sharp->ball[part][k] = (float)at;
+        }
+    }
+}
+
 static void add_group(struct prepared *prepared, int i, struct primitive *p) {
     const struct shape *shape = &prepared->model.shapes[i];
     const struct field *field = field_of(prepared->fields, i);
@@ -182,6 +200,8 @@ static void add_group(struct prepared *prepared, int i, struct primitive *p) {
             prepare_leaf(&sharp->leaf[k], sharp->shape[k], &prepared->model.march);
     prepared->sharp_count += is_sharp;
     prepare_group(p, field, is_sharp ? sharp : NULL);
+    if (is_sharp)
+        set_part_balls(sharp, p);
 }
 
 static bool has_jumps(const struct shape *group) {

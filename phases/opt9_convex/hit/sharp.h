@@ -19,4 +19,6 @@ struct sharp {
     struct primitive leaf[SHARP_LEAVES];
     const struct shape *shape[SHARP_LEAVES]; // of the model; NULL: a half-space
     struct sharp_part part[SHARP_PARTS];
+    int balls;                  // `parts`, or 0: some part lies in no leaf's sphere
+    float ball[SHARP_PARTS][4]; // each part lies in it, in the world: centre, radius
 };

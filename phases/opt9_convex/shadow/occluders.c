@@ -2,6 +2,7 @@
 // sphere: see struct shadow_cone.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
+#include "hit/sharp.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
 #include "types/numerics.h"
@@ -31,7 +32,16 @@ static bool bundle_of_group(const struct shading_packet *stage, int count, const
     return light_bundle_of(low, high, light, ball);
 }
 
-// Adds shape i to the occluders unless its bounding sphere is clear of the bundle. Without a bundle (NULL) every
+// Returns whether the bundle misses all parts of a sharp group, by their balls.
+static bool bundle_misses_parts(const struct light_bundle *bundle, const struct sharp *sharp,
+                                float q) {
+    bool missed = sharp && sharp->balls > 0;
+    for (int k = 0; missed && k < sharp->balls; k++)
+        missed = bundle_misses(bundle, sharp->ball[k], sharp->ball[k][3], q);
+    return missed;
+}
+
+// Adds shape i to the occluders unless its bounding sphere, or those of all its parts, are clear of the bundle. Without a bundle (NULL) every
 // shape is added, and planes and repeated shapes always are.
 INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
@@ -39,7 +49,8 @@ INLINE void add_occluder(int i, const struct light_bundle *ball, const struct ti
     float q = scene->model.shadows == SHADOWS_HARD ? HARD_SHADOW_SLOPE : scene->lit_slope;
     q = lit_slope_for(s, q);
     if (!ball || s->eval == EVAL_LINEAR || REPEATED(s) ||
-        !bundle_misses(ball, s->position, s->bound, q))
+        !(bundle_misses(ball, s->position, s->bound, q) ||
+          (IS_GROUP(s) && bundle_misses_parts(ball, s->sharp, q))))
         add_to_set(&work->scratch->occluders, i);
 }
 

@@ -12,11 +12,16 @@ struct shadow_cone {
     vfloat along, b, c; // v·l, v·l + q·R, |v|² − R²
 };
 
+INLINE struct shadow_cone cone_to_ball(struct vec v, struct vec l, float radius, float square,
+                                       float q) {
+    vfloat along = vec_dot(v, l);
+    return (struct shadow_cone){along, along + v_splat(q * radius),
+                                vec_dot(v, v) - v_splat(square)};
+}
+
 INLINE struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s,
                                          float q) {
-    vfloat along = vec_dot(v, l);
-    return (struct shadow_cone){along, along + v_splat(q * s->bound),
-                                vec_dot(v, v) - v_splat(s->bound_sq)};
+    return cone_to_ball(v, l, s->bound, s->bound_sq, q);
 }
 
 INLINE vmask cone_misses(struct shadow_cone cone, float q) {

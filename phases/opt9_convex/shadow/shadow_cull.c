@@ -1,4 +1,5 @@
 // Shadow rays that need no march: no shape brings their light below 1, but for their own at the start (PROOFS.md).
+#include "hit/sharp.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
 #include "types/ideal.h"
@@ -7,6 +8,17 @@
 // Returns q: a ray that no shape comes nearer to than q·t is lit. Ideal: by the ratio itself, with a margin for rounding.
 INLINE float lit_cone(const struct known_scene *scene) {
     return SOFT_IS_IDEAL ? (float)((1 + 1e-5) / scene->model.shadow_strength) : scene->lit_slope;
+}
+
+// Returns the rays about which a cone of slope q misses all parts of a sharp group (PROOFS.md, 15.).
+INLINE vmask cone_misses_parts(const struct primitive *s, struct vec point, struct vec l, float q) {
+    vmask clear = s->sharp && s->sharp->balls > 0 ? v_mask_all() : v_mask_none();
+    for (int k = 0; s->sharp && k < s->sharp->balls; k++) {
+        const float *ball = s->sharp->ball[k];
+        struct vec v = vec_sub(vec_set(ball), point);
+        clear = v_and(clear, cone_misses(cone_to_ball(v, l, ball[3], ball[3] * ball[3], q), q));
+    }
+    return clear;
 }
 
 // Removes from *clear the rays that shape i may darken.
@@ -30,6 +42,8 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
             slope = q / share_of(s);
         struct vec to = to_centre(s, point);
         here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
+        if (IS_GROUP(s) && v_any(v_andnot(here, *clear)))
+            here = v_or(here, cone_misses_parts(s, point, to_light, slope));
         if (!SOFT_IS_IDEAL && s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB &&
             !IS_GROUP(s) && v_any(v_andnot(here, *clear)))
             here = v_or(here, plane_between(to, to_light, s, q));
