@@ -7,7 +7,6 @@ import os
 import subprocess
 
 import programs
-from test_arm64 import SCENES, draw, made_of, small
 
 import arm64
 from builds import ARM64_TESTS
@@ -38,13 +37,13 @@ def first_line(tool: str) -> str:
 
 def cell(phase: registry.Phase, scene: registry.Scene) -> str:
     try:
-        mine = draw(phase.name, scene.path, *SIZE).picture
+        mine = arm64.draw(phase.name, scene.path, *SIZE).picture
     except harness.Unsupported:
         return "–"
     here = harness.reference(scene.path, *SIZE, phase=phase.name).picture
     base = images.compare(harness.reference(scene.path, *SIZE).picture, mine)
     declared = gate.tolerance(phase, scene)
-    failed = declared and not scene.fractal and gate.failures(base, small(declared, SIZE[0] * SIZE[1]))
+    failed = declared and not scene.fractal and gate.failures(base, arm64.small(declared, SIZE[0] * SIZE[1]))
     beside = images.compare(here, mine)["psnr_db"]
     shown = "same" if beside == float("inf") else f"{beside:.0f}"
     return shown + " ✗" * bool(failed)
@@ -58,11 +57,11 @@ def main() -> None:
     ]
     compiler = first_line(arm64.COMPILER)
     print(INTRO.format(compiler=compiler, emulator=emulator, words=sum(passed), programs=len(passed)))
-    print("| phase | built of |", " | ".join(SCENES), "|")
-    print("| --- | --- |", " | ".join(["---"] * len(SCENES)), "|")
+    print("| phase | built of |", " | ".join(arm64.SCENES), "|")
+    print("| --- | --- |", " | ".join(["---"] * len(arm64.SCENES)), "|")
     for phase in phases:
-        cells = " | ".join(cell(phase, one) for one in SCENES.values())
-        print(f"| {phase.name} | {made_of(phase)} | {cells} |")
+        cells = " | ".join(cell(phase, one) for one in arm64.SCENES.values())
+        print(f"| {phase.name} | {arm64.made_of(phase)} | {cells} |")
 
 
 if __name__ == "__main__":

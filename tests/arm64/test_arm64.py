@@ -20,61 +20,39 @@ from builds import ARM64_TESTS, ARM64_WORDS
 from conformance import harness
 from conformance.beside import check
 from conformance.feature_scenes import is_fractal
-from conformance.harness import PHASES, TRUTH, Run, keep
+from conformance.harness import PHASES, TRUTH, keep
 from hard.drawn_scenes import random_scenes, spheres_alone
 from study.core import registry
-from study.core.registry import Phase
 from study.pictures import gate, images
 
 pytestmark = [pytest.mark.slow, arm64.needs_arm64]
-SCENES = registry.scenes() | registry.groups()
 
 
-def draw(phase: str, scene: Path, width: int, height: int) -> Run:
-    """The picture of the cross-built program. Raises harness.Unsupported."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(harness, "binary", arm64.program)
-        return harness.render(phase, scene, width, height, anew=True)  # by a script, whatever its program
-
-
-def made_of(phase: Phase) -> str:
-    """What its lanes are: NEON, or x86's intrinsics by SIMDe."""
-    if phase.name in ("opt3", "opt4", "opt5_threads", "fixed_simd"):
-        return "avx2 by SIMDe"
-    return "neon" if phase.lanes > 1 else "aarch64"
-
-
-def small(tolerance: dict, pixels: int) -> dict:
-    """A phase's tolerance for so few pixels: a share of them is one pixel at least."""
-    share, ppm = 1.01 / pixels, 1.01e6 / pixels
-    one = {"fraction_over_1_255": share, "fraction_over_1_255_display": share, "flip_mean": share}
-    one |= {"mask_mismatch_ppm": ppm, "id_mismatch_ppm": ppm}
-    return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
-
-
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", arm64.SCENES)
 @pytest.mark.parametrize("phase", PHASES)
 def test_scene(phase: str, scene: str) -> None:
     """Within the conformance suite's bounds to baseline's picture of this machine, and within the phase's own
     tolerance to it, where it declares one."""
     size = (8, 5) if phase == TRUTH else (32, 18)
-    about, path = registry.phases()[phase], SCENES[scene].path
+    about, path = registry.phases()[phase], arm64.SCENES[scene].path
     try:
-        run = draw(phase, path, *size)
+        run = arm64.draw(phase, path, *size)
     except harness.Unsupported as refused:
         assert about.family == registry.SYSTEMS, refused
         return
     record = run.record
-    assert record["isa"] == made_of(about)
+    assert record["isa"] == arm64.made_of(about)
     assert record["lanes"] == min(about.lanes, 8) and "-mavx" not in record["flags"]
     harness.check_picture(run)
     if about.approximate:
         return
     check(run)
-    declared = gate.tolerance(about, SCENES[scene])
+    declared = gate.tolerance(about, arm64.SCENES[scene])
     if declared and not is_fractal(run.scene):
         beside = harness.reference(path, *size).picture
-        failed = gate.failures(images.compare(beside, run.picture, None), small(declared, size[0] * size[1]))
+        failed = gate.failures(
+            images.compare(beside, run.picture, None), arm64.small(declared, size[0] * size[1])
+        )
         assert not failed, f"{run}: {failed}"
 
 
@@ -88,7 +66,7 @@ def test_random_scenes(phase: str) -> None:
     def each(whole: dict) -> None:
         for one in (whole, spheres_alone(whole)):
             try:
-                harness.check_picture(draw(phase, keep(f"arm64_{phase}", one), *size))
+                harness.check_picture(arm64.draw(phase, keep(f"arm64_{phase}", one), *size))
                 return
             except harness.Unsupported:
                 continue
@@ -100,12 +78,12 @@ def test_a_kernel_is_compiled_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """It draws what the general code draws, but for the last bits of shininess. opt11_ideal's, by the code
     that it has of opt10_scene."""
     phase, path = "opt11_ideal", registry.scenes()["scene0"].path
-    general = draw(phase, path, 16, 9)
+    general = arm64.draw(phase, path, 16, 9)
     assert general.record["kernel"] != "generated"
     monkeypatch.setenv("STEPWISE_CC", arm64.COMPILER)
     monkeypatch.setenv("STEPWISE_CC_SECONDS", "270")  # beside all other tests
     monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "cache"))
-    generated = draw(phase, path, 16, 9)
+    generated = arm64.draw(phase, path, 16, 9)
     assert generated.record["kernel"] == "generated" and generated.record["kernel_compile_ns"] > 0
     for name, plane in general.picture.items():
         with np.errstate(invalid="ignore"):
@@ -133,6 +111,6 @@ def test_truth_proves_the_same_pixels() -> None:
     """By long double of 113 bits as by __float128: the same arithmetic, so the same picture to the bit."""
     for scene in ("trio", "cubes"):
         path = registry.scenes()[scene].path
-        here, there = harness.reference(path, 8, 5, phase=TRUTH), draw(TRUTH, path, 8, 5)
+        here, there = harness.reference(path, 8, 5, phase=TRUTH), arm64.draw(TRUTH, path, 8, 5)
         harness.same_bits(there, here, ("Z", "id", "status", "width", "N.x", "N.y", "N.z"))
         assert json.loads(there.stdout)["isa"] == "aarch64"

@@ -10,10 +10,14 @@ from pathlib import Path
 import pytest
 
 from builds import SETTINGS, arm64_missing
+from conformance import harness
+from conformance.harness import Run
+from study.core import registry
 from study.core.build import build
-from study.core.registry import ROOT
+from study.core.registry import ROOT, Phase
 
 FOLDER = "build/arm64"
+SCENES = registry.scenes() | registry.groups()
 COMPILER = SETTINGS[FOLDER][0].removeprefix("CC=")
 EMULATOR = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]  # whose libraries libraries.sh completes
 
@@ -32,3 +36,25 @@ def program(phase: str, target: str = "render") -> Path:
 
 def run(made: Path, **how) -> subprocess.CompletedProcess:
     return subprocess.run([*EMULATOR, made], capture_output=True, text=True, cwd=ROOT, **how)
+
+
+def draw(phase: str, scene: Path, width: int, height: int) -> Run:
+    """The picture of the cross-built program. Raises harness.Unsupported."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(harness, "binary", program)
+        return harness.render(phase, scene, width, height, anew=True)  # by a script, whatever its program
+
+
+def made_of(phase: Phase) -> str:
+    """What its lanes are: NEON, or x86's intrinsics by SIMDe."""
+    if phase.name in ("opt3", "opt4", "opt5_threads", "fixed_simd"):
+        return "avx2 by SIMDe"
+    return "neon" if phase.lanes > 1 else "aarch64"
+
+
+def small(tolerance: dict, pixels: int) -> dict:
+    """A phase's tolerance for so few pixels: a share of them is one pixel at least."""
+    share, ppm = 1.01 / pixels, 1.01e6 / pixels
+    one = {"fraction_over_1_255": share, "fraction_over_1_255_display": share, "flip_mean": share}
+    one |= {"mask_mismatch_ppm": ppm, "id_mismatch_ppm": ppm}
+    return tolerance | {name: max(bound, one[name]) for name, bound in tolerance.items() if name in one}
