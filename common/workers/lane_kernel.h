@@ -6,6 +6,7 @@
 #include "phase.h"
 #include "workers/workers.h"
 
+struct group_calls;
 struct job; // one frame's work for all workers, in the phase's own form
 
 struct lane_kernel {
@@ -15,6 +16,7 @@ struct lane_kernel {
     // As phase_distances().
     bool (*distances)(const struct prepared *prepared, size_t count, const double *points,
                       double *distance, int *nearest);
+    const struct group_calls *groups; // for a generated kernel (opt9_convex); NULL: none
 };
 
 extern const struct lane_kernel lanes8_kernel, lanes16_kernel;

@@ -91,7 +91,7 @@ def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0
 
 
 def data_of(name: str) -> dict:
-    return json.loads(registry.scenes()[name].path.read_text())
+    return json.loads((registry.scenes() | registry.groups())[name].path.read_text())
 
 
 TWO_MATERIALS = data_of("lattice")  # of copies, whose bundles meet one, or both
@@ -99,11 +99,14 @@ TWO_MATERIALS["materials"]["red"] = {"color": [0.7, 0.1, 0.1], "reflectivity": 0
 TWO_MATERIALS["shapes"][1]["material"] = "red"
 # More than are written out and fewer than a crowd.
 TWENTY = data_of("spheres40") | {"shapes": data_of("spheres40")["shapes"][:20]}
-SCENES = {"two materials": TWO_MATERIALS, "twenty": TWENTY}
+GROUPS = list(registry.groups())
+SCENES = {"two materials": TWO_MATERIALS, "twenty": TWENTY} | {name: data_of(name) for name in GROUPS}
 
 
 # A whole shininess is a row of products in a kernel, else a logarithm and an exponential: 15 · 2^-24 apart.
-@pytest.mark.parametrize("scene", ["scene0", "twenty", "mandelbulb", "mirrors_facing_6", "two materials"])
+@pytest.mark.parametrize(
+    "scene", ["scene0", "twenty", "mandelbulb", "mirrors_facing_6", "two materials", *GROUPS]
+)
 def test_kernel_and_general_code_agree(scene: str, shop: Workshop) -> None:
     data = SCENES.get(scene, scene)
     words = {} if scene in ("scene0", "mandelbulb") else {"STEPWISE_CC": str(shop.less)}
@@ -137,16 +140,17 @@ def test_kernels_of_features(shop: Workshop, tmp_path: Path) -> None:
     assert generated >= 0.75 * len(names), f"{generated} of {len(names)} scenes have a kernel"
 
 
-@pytest.mark.parametrize("scene", ["scene0", "mandelbulb"])
+@pytest.mark.parametrize("scene", ["scene0", "mandelbulb", "csg"])
 def test_a_kernel_under_sanitizers_draws_the_same_bits(scene: str, shop: Workshop, tmp_path: Path) -> None:
     """The program hands its own sanitizers on to its kernels: an address out of bounds or undefined behaviour
     would end it."""
     words = {"STEPWISE_CC": "gcc", "STEPWISE_CC_SECONDS": "270", "STEPWISE_CACHE": str(tmp_path / "cache")}
-    facts, said, sanitized = shop.run(scene, program=made_in("asan", PHASE, "SANITIZE=1"), **words)
+    program = made_in("asan", PHASE, "SANITIZE=1")
+    facts, said, sanitized = shop.run(SCENES.get(scene, scene), program=program, **words)
     assert facts["generated"] and not said
     kernel = next((tmp_path / "cache").glob("*.so")).read_bytes()
     assert b"__asan_" in kernel and b"__ubsan_" in kernel, "the kernel was sanitized"
-    same(shop.run(scene)[2], sanitized)
+    same(shop.run(SCENES.get(scene, scene))[2], sanitized)
 
 
 @pytest.mark.skipif(not shutil.which("clang"), reason="clang would compile kernels")

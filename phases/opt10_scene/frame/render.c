@@ -51,9 +51,6 @@ static void make_kernel(struct phase_state *kept) {
             "STEPWISE_PATH forces a path of the general code: no kernel is generated for that";
     else if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
-    else if (kept->prepared.model.features.groups)
-        loaded->facts.reason =
-            "a scene with groups runs their programs: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
         loaded->facts.reason =
             "a scene of so many shapes has a BVH: no kernel is generated for that";
@@ -91,6 +88,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!kept)
         return NULL;
     kept->lanes = lanes_here();
+    kept->prepared.group_calls = kept->lanes->groups;
     kept->prepared.path = draw_path_forced();
     if (reserve_prepared(&kept->prepared, model)) {
         prepare_shapes(&kept->prepared, model);

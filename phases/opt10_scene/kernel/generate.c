@@ -117,7 +117,8 @@ static bool one_material(const struct prepared *p) {
 // (opt12_fused) has code for those.
 static bool solids_alone(const struct prepared *p) {
     for (int i = 0; i < p->model.shape_count; i++)
-        if (p->primitives[i].repeated || p->primitives[i].type == SHAPE_MANDELBULB)
+        if (p->primitives[i].repeated || p->primitives[i].type == SHAPE_MANDELBULB ||
+            p->primitives[i].type == SHAPE_GROUP)
             return false;
     return p->model.shape_count <= MAX_UNROLLED && p->model.shadows != SHADOWS_HARD;
 }
@@ -137,7 +138,8 @@ static void write_scene(FILE *to, const struct prepared *p) {
             p->model.shape_count, p->model.shape_count);
     fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
             one_material(p));
-    fprintf(to, "#define FUSED %d\n", solids_alone(p));
+    fprintf(to, "#define FUSED %d\n#define HAS_GROUPS %d\n", solids_alone(p),
+            p->model.features.groups > 0);
     write_each(to, "EACH_PLANE", p, true);
     write_each(to, "EACH_SOLID", p, false);
     fprintf(to, "#define UNROLLED %d\n", p->model.shape_count <= MAX_UNROLLED);

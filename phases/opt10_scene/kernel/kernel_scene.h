@@ -11,9 +11,12 @@
 #define KNOWN(scene) (&scene_known)
 // Scenes with a BVH have no kernel. Code for them is neither called nor compiled here.
 #define HAS_BVH(scene) false
-// Nor have scenes with groups.
-#define IS_GROUP(s) false
-#define HAS_BALLS(s) false
+// Groups stay data: the frame's fields, and the program's functions that read them (kernel/group_calls.h).
+static const struct prepared *groups_of;
+#define IS_GROUP(s) (HAS_GROUPS && (s)->type == SHAPE_GROUP)
+#define FIELD_OF(s) (groups_of->primitives[(int)(s)->index].field)
+#define SHARP_OF(s) (groups_of->primitives[(int)(s)->index].sharp)
+#define HAS_BALLS(s) (IS_GROUP(s) && !SHARP_OF(s) && FIELD_OF(s)->balls.levels > 0)
 #define INLINE __attribute__((__always_inline__)) static inline
 #define KERNEL_SHARED static
 #define KERNEL_INLINE INLINE

@@ -150,7 +150,7 @@ static vmask widest_of_part(const struct primitive *s, unsigned cut, const struc
     vfloat least = least_of_part(part, span, w->best, PART_ROOM, &where);
     vmask inside = v_and(span->met, v_cmp_le(least, zero));
     for (unsigned rest = cut; rest && v_any(inside); rest &= rest - 1) {
-        const struct primitive *leaf = &s->sharp->leaf[__builtin_ctz(rest)];
+        const struct primitive *leaf = &SHARP_OF(s)->leaf[__builtin_ctz(rest)];
         if (leaf->type == SHAPE_PLANE)
             continue;
         struct cone_rays rays = rays_of_leaf(leaf, o, d);
@@ -159,7 +159,7 @@ static vmask widest_of_part(const struct primitive *s, unsigned cut, const struc
     vmask met = v_and(span->met, v_cmp_lt(least, w->best));
     if (!v_any(met))
         return met;
-    vfloat ratio = field_distance(s->field, vec_along(o, d, where)) / where;
+    vfloat ratio = field_distance(FIELD_OF(s), vec_along(o, d, where)) / where;
     w->best = v_select(met, v_min(w->best, v_max(ratio, zero)), w->best);
     return v_and(met, v_cmp_lt(least + v_splat(2 * PART_ROOM), w->best));
 }
@@ -167,7 +167,7 @@ static vmask widest_of_part(const struct primitive *s, unsigned cut, const struc
 // Lowers w->best by the parts, and clips w->near, w->far and w->active to where the ratio may still be below it.
 static void clip_to_parts(const struct primitive *s, struct vec o, struct vec d,
                           struct soft_packet *w) {
-    const struct sharp *sharp = s->sharp;
+    const struct sharp *sharp = SHARP_OF(s);
     vfloat begin = v_splat(INFINITY), end = v_splat(-INFINITY);
     if (v_any(v_and(w->active, v_cmp_gt(w->best, v_splat(0.99f)))))
         return;

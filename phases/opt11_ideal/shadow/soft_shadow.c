@@ -70,15 +70,16 @@ INLINE void darken_by_group(const struct primitive *s, int i, struct soft_packet
     struct vec d = turned(s, w->to_light);
     struct soft_packet part = *w;
     vfloat t;
-    if (s->sharp) { // many rays enter it: closed forms tell them
-        vmask dark = sharp_enter(s->sharp, o, d, w->active, w->near, w->far, &t);
+    if (SHARP_OF(s)) { // many rays enter it: closed forms tell them
+        vmask dark = sharp_enter(SHARP_OF(s), o, d, w->active, w->near, w->far, &t);
         part.best = w->best = v_select(dark, v_splat(0.0f), w->best);
         part.active = v_and(w->active, v_cmp_gt(w->best, v_splat(0.0f)));
         if (!v_any(part.active))
             return;
         clip_to_parts(s, o, d, &part);
     }
-    vfloat found = field_widest(s->field, o, d, part.active, part.near, part.far, part.best, lit);
+    vfloat found =
+        field_widest(FIELD_OF(s), o, d, part.active, part.near, part.far, part.best, lit);
     w->best = v_select(part.active, found, part.best);
 }
 

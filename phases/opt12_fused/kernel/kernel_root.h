@@ -1,6 +1,7 @@
 // The end of a generated kernel's source: what the program calls of it. A scene of planes and solids is drawn by fused/,
 // another as the parent draws it; what a kernel does not call is not compiled.
 #include "frame/worker_scratch.h"
+#include "kernel/group_calls.h"
 #include "kernel/kernel.h"
 
 // Each needs those before it, and the files that the kernel's text has before this one.
@@ -36,6 +37,6 @@ static void kernel_tile(const void *data, int tile, void *memory) {
 }
 
 const struct scene_kernel stepwise_kernel = {
-    KERNEL_TAG, COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), count_tiles, kernel_tile,
-    0,          NULL};
+    KERNEL_TAG,  COMPILER, SCRATCH_SIZE(SHAPES, REFILLED_PACKETS), count_tiles,
+    kernel_tile, 0,        HAS_GROUPS ? take_groups : NULL};
 #endif

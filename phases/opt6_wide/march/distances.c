@@ -25,4 +25,5 @@ static bool distances_at(const struct prepared *prepared, size_t count, const do
     return true;
 }
 
-const struct lane_kernel VARIANT(kernel) = {scratch_size, count_tiles, draw_tile, distances_at};
+const struct lane_kernel VARIANT(kernel) = {scratch_size, count_tiles, draw_tile, distances_at,
+                                            NULL};

@@ -59,7 +59,8 @@ struct prepared {
     struct field_set *fields;
     struct sharp *sharps; // room for one per group
     int sharp_count;
-    enum draw_path path; // set by phase_prepare, read by prepare_shapes
+    const struct group_calls *group_calls; // fields/rays.h; for a generated kernel
+    enum draw_path path;                   // set by phase_prepare, read by prepare_shapes
 };
 
 // Scenes with fewer shapes get no BVH unless they march soft shadows (bvh_pays() in frame/primitives.c).

@@ -55,3 +55,18 @@ vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask a
 // Returns the lesser of `best` and the least distance/t between near and far (opt11_ideal). lit: the ratio of a lit ray.
 vfloat field_widest(const struct field *field, struct vec o, struct vec d, vmask active,
                     vfloat near, vfloat far, vfloat best, float lit);
+
+// What a generated kernel calls of the program (opt10_scene): the functions above, and sharp_enter() of hit/solids.h.
+struct sharp;
+struct group_calls {
+    void (*row)(const struct field *, struct vec, struct field_rays *, int);
+    bool (*in_frustum)(const struct field *, const struct vec[3], const float[3], const float[4],
+                       const float[4]);
+    vfloat (*distance)(const struct field *, struct vec);
+    struct field_surface (*surface)(const struct field *, struct vec, vmask);
+    vmask (*enter)(const struct field *, struct vec, struct vec, vmask, vfloat, vfloat, vfloat *);
+    vmask (*sharp)(const struct sharp *, struct vec, struct vec, vmask, vfloat, vfloat, vfloat *);
+    // opt11_ideal and later; NULL: none.
+    vfloat (*widest)(const struct field *, struct vec, struct vec, vmask, vfloat, vfloat, vfloat,
+                     float);
+};

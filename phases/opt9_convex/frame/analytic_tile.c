@@ -143,10 +143,10 @@ INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *
                                   turned(s, vec_from_doubles(job->view->up)),
                                   turned(s, vec_from_doubles(job->view->forward))};
             const float edges[4] = {w->left, w->right, w->bottom, w->top};
-            if (!field_in_frustum(s->field, axes, c, edges, sides))
+            if (!field_in_frustum(FIELD_OF(s), axes, c, edges, sides))
                 return;
         }
-        if (!IS_GROUP(s) || parts_in_frustum(s->sharp, w, sides, job->view))
+        if (!IS_GROUP(s) || parts_in_frustum(SHARP_OF(s), w, sides, job->view))
             add_to_set(list, i);
     }
 }

@@ -108,7 +108,7 @@ INLINE void hit_balls(int i, struct shading_packet *stage, int count, const stru
         rays[k].d = turned(s, stage[k].ray.direction);
         rays[k].active = stage[k].ray.active;
     }
-    field_row(s->field, vec_set(job->cameras[i].at), rays, count);
+    field_row(FIELD_OF(s), vec_set(job->cameras[i].at), rays, count);
     for (int k = 0; k < count; k++)
         take_hit(v_and(rays[k].met, v_cmp_lt(rays[k].t, stage[k].hit.t)), rays[k].t, rays[k].point,
                  s, &stage[k].hit);

@@ -7,7 +7,9 @@
 #include "frame/prepare.h"
 #include "frame/tile.h"
 #include "frame/worker_scratch.h"
+#include "hit/solids.h"
 #include "phase.h"
+#include "types/ideal.h"
 
 static void store_block_result(struct frame *frame, struct pixel_block block,
                                const struct shaded *seen) {
@@ -104,4 +106,13 @@ static bool distances(const struct prepared *prepared, size_t count, const doubl
     return true;
 }
 
-const struct lane_kernel VARIANT(kernel) = {scratch_size, tiles, draw_any_tile, distances};
+static const struct group_calls group_calls = {field_row,
+                                               field_in_frustum,
+                                               field_distance,
+                                               field_surface,
+                                               field_enter,
+                                               sharp_enter,
+                                               SOFT_IS_IDEAL ? field_widest : NULL};
+
+const struct lane_kernel VARIANT(kernel) = {scratch_size, tiles, draw_any_tile, distances,
+                                            &group_calls};

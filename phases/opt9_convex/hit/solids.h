@@ -155,8 +155,8 @@ INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half
                           vfloat *in) {
     if (IS_GROUP(s)) {
         vfloat from = v_max(v_splat(0.0f) - half, v_splat(0.0f) - before);
-        return s->sharp ? sharp_enter(s->sharp, c, d, near, from, half, in)
-                        : field_enter(s->field, c, d, near, from, half, in);
+        return SHARP_OF(s) ? sharp_enter(SHARP_OF(s), c, d, near, from, half, in)
+                           : field_enter(FIELD_OF(s), c, d, near, from, half, in);
     }
     switch (s->type) {
     case SHAPE_SPHERE: *in = v_splat(0.0f) - half; return near;

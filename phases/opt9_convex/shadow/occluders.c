@@ -50,7 +50,7 @@ INLINE void add_occluder(int i, const struct light_bundle *ball, const struct ti
     q = lit_slope_for(s, q);
     if (!ball || s->eval == EVAL_LINEAR || REPEATED(s) ||
         !(bundle_misses(ball, s->position, s->bound, q) ||
-          (IS_GROUP(s) && bundle_misses_parts(ball, s->sharp, q))))
+          (IS_GROUP(s) && bundle_misses_parts(ball, SHARP_OF(s), q))))
         add_to_set(&work->scratch->occluders, i);
 }
 

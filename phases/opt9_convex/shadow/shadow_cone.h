@@ -86,13 +86,13 @@ INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *
 
 // Returns the least ratio of a shape's distance to that to its bounding sphere, outside of that.
 INLINE float share_of(const struct primitive *s) {
-    return s->type == SHAPE_MANDELBULB ? BULB_SHARE : IS_GROUP(s) ? s->field->share : 1.0f;
+    return s->type == SHAPE_MANDELBULB ? BULB_SHARE : IS_GROUP(s) ? FIELD_OF(s)->share : 1.0f;
 }
 
 // Returns the slope of the cone that has to miss the sphere of shape s. It is 1 for what is no distance, a Mandelbulb's
 // estimate or an intersection under a soft shadow: the proof for smaller slopes (PROOFS.md, 1.) does not hold.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
-    float share = IS_GROUP(s) ? s->field->lit_share : share_of(s);
+    float share = IS_GROUP(s) ? FIELD_OF(s)->lit_share : share_of(s);
     return s->type == SHAPE_MANDELBULB || !(q < share) ? 1.0f : q / share;
 }
 

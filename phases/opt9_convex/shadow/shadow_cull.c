@@ -12,9 +12,9 @@ INLINE float lit_cone(const struct known_scene *scene) {
 
 // Returns the rays about which a cone of slope q misses all parts of a sharp group (PROOFS.md, 15.).
 INLINE vmask cone_misses_parts(const struct primitive *s, struct vec point, struct vec l, float q) {
-    vmask clear = s->sharp && s->sharp->balls > 0 ? v_mask_all() : v_mask_none();
-    for (int k = 0; s->sharp && k < s->sharp->balls; k++) {
-        const float *ball = s->sharp->ball[k];
+    vmask clear = SHARP_OF(s) && SHARP_OF(s)->balls > 0 ? v_mask_all() : v_mask_none();
+    for (int k = 0; SHARP_OF(s) && k < SHARP_OF(s)->balls; k++) {
+        const float *ball = SHARP_OF(s)->ball[k];
         struct vec v = vec_sub(vec_set(ball), point);
         clear = v_and(clear, cone_misses(cone_to_ball(v, l, ball[3], ball[3] * ball[3], q), q));
     }

@@ -10,7 +10,9 @@
 #define KNOWN(scene) (&(scene)->known)
 #define HAS_BVH(scene) ((scene)->bvh.levels > 0)
 #define IS_GROUP(s) ((s)->type == SHAPE_GROUP)
-#define HAS_BALLS(s) (IS_GROUP(s) && !(s)->sharp && (s)->field->balls.levels > 0)
+#define FIELD_OF(s) ((s)->field)
+#define SHARP_OF(s) ((s)->sharp)
+#define HAS_BALLS(s) (IS_GROUP(s) && !SHARP_OF(s) && FIELD_OF(s)->balls.levels > 0)
 // INLINE: functions that a kernel compiles anew for each shape. KERNEL_SHARED: functions that another file
 // calls. KERNEL_INLINE: both.
 #define INLINE static inline

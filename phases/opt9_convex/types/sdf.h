@@ -40,6 +40,6 @@ INLINE vfloat height_over(const struct primitive *s, struct vec p) {
 __attribute__((always_inline)) static inline vfloat
 distance_at(struct vec p, const struct primitive *s, vmask done) {
     if (IS_GROUP(s))
-        return field_distance(s->field, p);
+        return field_distance(FIELD_OF(s), p);
     return distance_of_type(p, s, s->type, v_not(done));
 }

@@ -251,12 +251,6 @@ def test_groups_without_brackets_are_marched(keys: dict, tmp_path: Path) -> None
     check("opt9_convex", scene, tmp_path, 45)
 
 
-def test_a_kernel_is_not_made_for_groups(tmp_path: Path) -> None:
-    made = picture("opt10_scene", scene_of("csg", "hard"), tmp_path, SIZE)
-    general = picture("opt9_convex", scene_of("csg", "hard"), tmp_path, SIZE)
-    assert all(np.array_equal(made[name], general[name], equal_nan=True) for name in made)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("name", ["csg", "metaballs", "bumpy"])
