@@ -159,6 +159,9 @@ def asked(args: argparse.Namespace) -> list[Program]:
             made.append(Program(name=name, case=case, command=[*map(put, words)], **around))
     if len({(one.name, one.case) for one in made}) < len(made):
         raise StudyError("two programs of one name and case; --command-name tells them apart")
+    if args.fail_on_slower and len(made) < 2:
+        typo = f"; {BETWEEN} stands between them, not ::" if "::" in args.command else ""
+        raise StudyError(f"--fail-on-slower: a gate needs two programs{typo}")
     return made
 
 

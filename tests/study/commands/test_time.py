@@ -237,6 +237,8 @@ def test_several_times_of_one_launch_count_as_their_median(timed):
         (["--command-name=a", "--", "true", ":::", "true"], "--command-name"),
         (["--launches", "3", "--precision", "1%", "--", "true"], "--launches"),
         (["--input", "no-such-file", "--", "true"], "no-such-file"),
+        (["--fail-on-slower", "--", "true"], "two programs"),
+        (["--fail-on-slower", "--", "true", "::", "false"], ":::"),
         (["--cpu", "4097", "--", "true"], "CPU 4097"),
         (["--time-from", "took ([0-9]+)", "--", "echo", "nothing"], "finds nothing"),
         (["--time-from", "took (.+) ms", "--", "echo", "took long ms"], "'long'"),
