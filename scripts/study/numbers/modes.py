@@ -92,6 +92,11 @@ class Modes:
         """Whether a median is no more the one mode's than the other's: its interval reaches both."""
         return found.low <= self.between[0] and found.high >= self.between[1]
 
+    def within(self, values: ArrayLike) -> np.ndarray:
+        """Each value over its mode's median: launches that change between modes have no trend by that."""
+        found = np.asarray(values, float)
+        return found / np.where(found <= self.between[0], self.low, self.high)
+
     def text(self, form: str = ".4g", unit: str = "") -> str:
         low, high = f"{self.low:{form}}{unit}", f"{self.high:{form}}{unit}"
         return f"{low} ({self.low_launches} launches) and {high} ({self.high_launches})"

@@ -113,6 +113,7 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
         other = known.get((first.name, first.case)) if first else None
         launches, ratio, sure, said = calm(cell.values), None, None, ""
         ms, disturbed = launches.ns / 1e6, int(noise.interrupted(launches).sum())
+        two = modes.modes(ms)
         if other is not None:
             rounds = ratios(other.values, cell.values)
             disturbed = int(rounds.disturbed.sum())
@@ -133,8 +134,8 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
                 ratio=ratio,
                 sure=sure,
                 verdict=said,
-                modes=modes.modes(ms),
-                drift=modes.drift(ms),
+                modes=two,
+                drift=modes.drift(two.within(ms) if two else ms),
                 left_out=len(cell.values) - len(ms),
                 disturbed=disturbed,
             )
@@ -182,8 +183,10 @@ def remarks(found: Sequence[Row]) -> list[str]:
     for row in found:
         if row.modes:
             text = f"{row.name}: two modes of time, {row.modes.text(unit=' ms')}"
-            between = row.modes.split(row.ms) and row.ms.sufficient
-            said.append(f"{text}; its median lies between them and says little" if between else text)
+            if row.modes.split(row.ms) and row.ms.sufficient:
+                text += "; its median time lies between them and says little"
+                text += ", that of its ratios does not" * (row.verdict not in ("", FEW, TWO_MODES))
+            said.append(text)
         if row.drift:
             way = "slower" if row.drift > 0 else "faster"
             text = (

@@ -85,6 +85,17 @@ def test_figures_are_of_the_launches_that_count():
     assert (row.launches, row.left_out, row.joules, row.cpu_ms) == (20, 20, 1, BUSY / 1e6)
 
 
+@pytest.mark.parametrize("slope", [0, 0.1])
+def test_launches_that_change_their_mode_drift_only_within_it(slope):
+    """The first 20 of 40 are mostly of 2 ms, the others mostly of 3."""
+    place = np.arange(40)
+    slow = (place >= 20) ^ (place % 13 == 5)
+    ns = BUSY * np.where(slow, 1.5, 1) * (1 + slope * place / 40 + place * 17 % 40 * 1e-5)
+    plan = Plan(programs=[Program(name="a", case="", command=["a"])], precision=0.05)
+    (row,) = programs.rows([Cell("", "a", 1, 1, 1, Facts(), pd.DataFrame({"ns": ns}))], plan)
+    assert row.modes and (0.2 * slope < row.drift < slope if slope else row.drift is None)
+
+
 def gate(random: np.random.Generator, factors: list[float], rounds: int) -> list[str]:
     """What a gate names of programs that take so many times as long as the first."""
     cells = []
