@@ -218,6 +218,8 @@ def run(args: argparse.Namespace) -> Outcome:
     lines.append(f"\n{'what differs' if differ else same}")
     for name, values in differ.items():
         lines += [f"  {name}", *(f"    {letter}  {value}" for letter, value in values.items())]
+    if read := [side.letter for side in sides if side.run.plan.read_from]:
+        lines.append(f"no more is known of the machine of {', '.join(read)}: imported")
     if not args.fail_on_slower:
         return Outcome(told, lines)
     names = {row: f"{row.name} ({row.why(args.by)})" for row in found}

@@ -155,6 +155,8 @@ def faults(base: Side, other: Side) -> list[Fault]:
 def facts(side: Side) -> dict[str, Any]:
     """What may explain a difference: from the context, and flags and compiler of each spec."""
     found = {name: attrgetter(name)(side.run.context) for name in CONTEXT}
+    if side.run.plan.read_from:  # another tool's file knows little
+        return {name: value for name, value in found.items() if value is not None}
     for (spec, flags, compiler, libc), _ in side.frames.groupby(["spec", "flags", "compiler", "libc"]):
         found[f"build of {spec}"] = f"{compiler}, glibc {libc}, {flags}"
     return found

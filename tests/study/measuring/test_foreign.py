@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,16 @@ def test_compare_history_and_export_read_them(tmp_path) -> None:
     assert (entry["name"], entry["unit"]) == ("BM_Mix", "ms") and entry["value"] == pytest.approx(
         0.004, rel=0.02
     )
+
+
+def test_what_an_imported_run_does_not_know_does_not_differ(tmp_path) -> None:
+    (one,) = imported(tmp_path, timed(3, "2026-02-03T00:00:00+00:00")).result["runs"]
+    measured = Path(shutil.copytree(one["run"], tmp_path / "measured"))
+    for file, known in (("context", {"kernel": "6.1"}), ("plan", {"read_from": []})):
+        path = measured / f"{file}.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | known))
+    said = emitted.result(compare(one["run"], measured, "--json").stdout)
+    assert said["differences"] == {}
 
 
 def changed(content: Any, at: list[Any], value: Any) -> Any:
