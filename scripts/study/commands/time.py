@@ -315,6 +315,11 @@ def timed(args: argparse.Namespace) -> store.Run:
         with contextlib.suppress(StudyError):
             timing.clean_up()
         raise
+    except KeyboardInterrupt:
+        if timing.run is None:
+            raise
+        held = sum(not one.warmup for one in timing.run.lines())
+        raise StudyError(f"interrupted; {timing.run} holds {held} launches", cli.INTERRUPTED) from None
     timing.clean_up()
     return timing.end()
 

@@ -15,6 +15,7 @@ from typing import Any
 import emitted
 import pytest
 
+from study.commands import time
 from study.core import cli, machine
 from study.core.cli import StudyError
 from study.core.host.topology import USABLE
@@ -191,6 +192,23 @@ def test_commands_around_the_launches(timed, tmp_path):
     lines = log.read_text().splitlines()
     assert len(lines) == 18 and lines[16:] == ["end", "end"]
     assert all(f"before {after}" == before for before, after in zip(lines[:16:2], lines[1:16:2], strict=True))
+
+
+def test_ctrl_c_leaves_a_run_that_is_read(stepwise, tmp_path, monkeypatch):
+    """In the seventh round after one of warm-up."""
+
+    def interrupt(self: time.Timing, rounds: int) -> bool:
+        if rounds == 7:
+            raise KeyboardInterrupt
+        return False
+
+    monkeypatch.setattr(time.Timing, "known", interrupt)
+    programs = ["--", "echo took 10 ms", ":::", "echo took 12 ms"]
+    done = stepwise("time", "--results", tmp_path, "--warmup", 1, *FROM, *programs)
+    (folder,) = tmp_path.glob("*/*")
+    assert done.returncode == cli.INTERRUPTED and str(folder) in done.stderr and " 14 " in done.stderr
+    rows = emitted.result(stepwise("compare", folder, folder, "--json").stdout)["rows"]
+    assert [row["ms"]["launches"] for row in rows] == [7, 7]
 
 
 def test_failures_input_and_shells(timed, stepwise, tmp_path):
