@@ -15,7 +15,7 @@ from study.experiments import experiment
 from study.experiments.section import Section
 from study.numbers import accuracy, analysis, columns, ladder
 from study.numbers.analysis import Data
-from study.report import appendix, chapters, published_tables
+from study.report import appendix, chapters, programs_chapter, published_tables
 
 REFERENCE = ROOT / "results" / "reference"
 PAGES = {  # option → the page with a block that is made anew, and the block's name in its marks
@@ -77,6 +77,8 @@ def exact_surfaces() -> pd.DataFrame | None:
 
 
 def all_sections(data: Data, rows: pd.DataFrame) -> list[Section]:
+    if data.plan.programs:
+        return [programs_chapter.timed(data)]
     return [chapters.reproduced(data, rows), *experiment.sections(data)]
 
 
@@ -110,7 +112,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise StudyError(f"{data.path}: has no timed frame for that page; run scripts/stepwise sweep")
     files = {file for one in experiment.find_all().values() for file in one.schemas}
     files -= run_schema.SCHEMAS.keys()
-    if rows.empty and not any(store.stored(data.path / file).exists() for file in files):
+    if not data.cells and not any(store.stored(data.path / file).exists() for file in files):
         raise StudyError(f"{data.path}: nothing was measured: no timed frame and no experiment's file")
     made = make(rows, all_sections(data, rows))
     paths = table_files.write(made, args.out or data.path / "tables")

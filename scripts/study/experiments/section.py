@@ -30,9 +30,8 @@ class Part:
 
     @property
     def frame(self) -> pd.DataFrame:
-        return pd.DataFrame(
-            [cli.plain(row) if isinstance(row, Record) else show.cells(row) for row in self.rows]
-        )
+        rows = (row if isinstance(row, Record) else show.cells(row) for row in self.rows)
+        return pd.DataFrame([cli.plain(row) for row in rows])
 
     @property
     def markdown(self) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import emitted
+import pandas as pd
 import pytest
 
 from study.commands import time
@@ -68,7 +69,7 @@ def counting(folder: Path, name: str, times: str) -> Path:
     return script(folder, name, f"{count}\nawk 'BEGIN {{ n = '$n'; print \"took\", {times}, \"ms\" }}'")
 
 
-def test_ratios_of_known_times(timed, tmp_path):
+def test_ratios_of_known_times(timed, stepwise, tmp_path):
     """Exact times need no more rounds than a verdict of two ratios does."""
     rows, plan, frames = timed(
         *FROM, "--", "echo", "took", "10 ms", ":::", "echo took 8ms", ":::", "echo", "took 10.02 ms"
@@ -80,6 +81,10 @@ def test_ratios_of_known_times(timed, tmp_path):
     assert rows[1]["base"] == rows[0]["program"] and rows[0]["ratio"] is None
     assert plan.launches == 11 and plan.precision == 0.01 and plan.finished and plan.time_from == FROM[1]
     assert {one.ns for one in frames} == {10_000_000, 8_000_000, 10_020_000}
+    (table,) = (tmp_path / "results").glob("*/*")
+    assert stepwise("tables", table, "-o", tmp_path).returncode == cli.OK
+    read = pd.read_csv(tmp_path / "programs.csv")
+    assert [*read["ms.value"]] == [10, 8, 10.02] and read["ratio.low"][1] == 1.25
     (row,), _, _ = timed(*FROM, "--launches", 1, "--", "echo", "took 1 ms", "me@host")
     assert shlex.split(row["program"]) == ["echo", "took 1 ms", "me@host"] and row["verdict"] == ""
 
