@@ -43,12 +43,8 @@ COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", 
 COLUMNS += [("base_ms", "A ms [95 %]"), ("ms", "run ms [95 %]"), ("time", "time A / run [95 %]")]
 COLUMNS += [("cycles", "cycles A / run [95 %]"), ("clock", "clock run / A [95 %]")]
 COLUMNS += [("baseline", "× baseline, run / A [95 %]"), ("instructions", "instructions A / run")]
-COLUMNS += [
-    ("moved", "moved"),
-    ("again", "again, A / run [95 %]"),
-    ("p", "p, corrected"),
-    ("verdict", "run is"),
-]
+COLUMNS += [("moved", "moved"), ("again", "again, A / run [95 %]")]
+COLUMNS += [("p", "p, corrected"), ("verdict", "run is")]
 EXPORTS = ("github-action-benchmark", "hyperfine")
 
 
@@ -107,10 +103,8 @@ def benchmark(run: Run, by_baseline: bool) -> list[dict[str, Any]]:
     """
     cells, found = analysis.by_key(analysis.cells_of(run.frames())), []
     for (scene, width, height, threads, spec), cell in sorted(cells.items()):
-        base, time = (
-            cells.get((scene, width, height, threads, BASE)),
-            stats.median_interval(cell.values.ns / 1e6),
-        )
+        base = cells.get((scene, width, height, threads, BASE))
+        time = stats.median_interval(cell.values.ns / 1e6)
         if by_baseline and (base is None or spec == BASE):
             continue
         shown = base.over(cell) if by_baseline and base else time
@@ -223,15 +217,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if not args.fail_on_slower:
         return Outcome(told, lines)
     names = {row: f"{row.name} ({row.why(args.by)})" for row in found}
-    slower = [
-        Fault(SLOWER, row.run, f"{SLOWER} in {row.run}: {name}")
-        for row, name in names.items()
-        if row.verdict == SLOWER
-    ]
-    few = [
-        Fault(two_runs.FEW, row.run, f"{row.verdict} in {row.run}: {names[row]}")
-        for row in found
-        if row.verdict == changes.FEW
-    ]
-    stopping = [one for one in (*first, *missing, *slower, *few) if one.kind not in args.allow]
+    kinds = {SLOWER: SLOWER, changes.FEW: two_runs.FEW}
+    bad = [row for row in found if row.verdict in kinds]
+    told_of = [Fault(kinds[row.verdict], row.run, f"{row.verdict} in {row.run}: {names[row]}") for row in bad]
+    stopping = [one for one in (*first, *missing, *told_of) if one.kind not in args.allow]
     return Outcome(told, lines, failed=[one.text for one in stopping])

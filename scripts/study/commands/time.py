@@ -99,7 +99,9 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--fail-on-slower", action="store_true", help="a gate: status 1, see above")
     add("--warmup", type=cli.at_least(0), metavar="ROUNDS", help="rounds left out; default: found")
     add("--vary", nargs=2, action="append", default=[], metavar=("NAME", "A,B,C"), help="values of {NAME}")
-    add("--time-from", type=pattern, metavar="REGEX", help="time what it prints to stdout: number, unit")
+    one = parser.add_mutually_exclusive_group().add_argument
+    one("--time-from", type=pattern, metavar="REGEX", help="time what it prints to stdout: number, unit")
+    one("--by", choices=("wall", "cpu"), default="wall", help="cpu: user + system time; default: wall")
     add("--command-name", action="append", default=[], metavar="NAME", help="of a program in the table")
     for name, about in (("--prepare", "before each launch"), ("--cleanup", "after the last launch")):
         add(name, action="append", default=[], metavar="CMD", help=f"{about}; once, or once for each program")
@@ -178,7 +180,7 @@ class Timing:
         self.plan, self.how, self.results = plan, how, args.results
         self.dice = random.Random(plan.seed)
         self.context = machine.context(args.cpu)
-        pattern = args.time_from.pattern if args.time_from else ""
+        pattern = args.time_from.pattern if args.time_from else args.by.removeprefix("wall")
         work = f"{digest(args.input) or ''} {pattern}".strip()
         plan.configurations = [programs.configuration(one, work, args.threads) for one in plan.programs]
         self.done: list[dict[int, dict[str, float]]] = [{} for _ in plan.programs]
@@ -239,9 +241,8 @@ class Timing:
         with progress.Progress("time", self.plan.launches or self.limit) as bar:
             for rounds in itertools.count(1):
                 self.one_round()
-                bar.to(
-                    rounds if self.plan.launches else min(round(self.spent), self.limit), f"round {rounds}"
-                )
+                done = rounds if self.plan.launches else min(round(self.spent), self.limit)
+                bar.to(done, f"round {rounds}")
                 if rounds == self.plan.launches or self.known(rounds):
                     break
                 late = self.plan.seconds is not None or not self.plan.launches
@@ -269,10 +270,8 @@ def told(target: store.Run, plan: Plan, args: argparse.Namespace) -> Outcome:
     found = table.rows(cells, plan)
     picture = launch_order.drawing(frames, plan).write(target.path / "figures" / "launches")
     lines = [summary.table(found, table.COLUMNS), *picture[-1:], target.path]
-    said = [
-        f"warning: {text}"
-        for text in [*table.remarks(found), *noise.others(frames), *quotas.notices(target.context)]
-    ]
+    said = [*table.remarks(found), *noise.others(frames)]
+    said += quotas.notices(target.context) if args.by == "wall" else []
     rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
     known = [row.ratio for row in found if row.ratio] or [row.ms for row in found]
     if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
@@ -281,7 +280,8 @@ def told(target: store.Run, plan: Plan, args: argparse.Namespace) -> Outcome:
         rounds += f"; a --precision below {100 * plan.precision:.3g}% tells smaller differences"
     result = {"rows": found, "launches": plan.launches, "warmup": plan.warmup}
     failed = table.slower(found, args.least) if args.fail_on_slower else []
-    return Outcome(result, [*lines, rounds], target.path, said, failed=failed)
+    remarks = [f"warning: {text}" for text in said]
+    return Outcome(result, [*lines, rounds], target.path, remarks, failed=failed)
 
 
 def timed(args: argparse.Namespace) -> store.Run:
@@ -290,8 +290,8 @@ def timed(args: argparse.Namespace) -> store.Run:
         raise StudyError("--launches counts, --precision stops by itself; give one of them")
     if args.input and not args.input.is_file():
         raise StudyError(f"{args.input}: no such file for --input")
-    cpus = cpu_set(args.cpu, args.threads)
-    how = Launcher(frozenset(cpus or ()), args.shell, args.input, args.ignore_failure, args.time_from)
+    cpus = frozenset(cpu_set(args.cpu, args.threads) or ())
+    how = Launcher(cpus, args.shell, args.input, args.ignore_failure, args.time_from, args.by)
     plan = Plan(
         programs=asked(args),
         words=["time", *sys.argv[1:]],

@@ -48,13 +48,14 @@ class Launched(msgspec.Struct):
 @dataclass(frozen=True)
 class Launcher:
     """How programs are launched. `cpus`: those that they are pinned to; `ignore`: what statuses are no
-    failure, None: any. `time_from`: its first group is a time in what the program prints."""
+    failure, None: any. `time_from`: its first group is a time in the output. `by`: "wall" or "cpu" time."""
 
     cpus: frozenset[int] | None
     shell: str | None = None
     input: Path | None = None
     ignore: frozenset[int] | None = frozenset()
     time_from: re.Pattern[str] | None = None
+    by: str = "wall"
 
     def words(self, command: Sequence[str], around: bool = False) -> list[str]:
         """What is executed; `around`: of --prepare and --cleanup. One word alone is a line of words."""
@@ -112,6 +113,8 @@ class Launcher:
             why = "".join(f": {text}" for text in last)
             raise StudyError(f"{name}: {ended}{why} (--ignore-failure takes its time all the same)")
         found.joules = used
+        if self.by == "cpu":  # of which others have nothing, however often they took turns
+            found = msgspec.structs.replace(found, ns=found.user_ns + found.system_ns or 1, unused_ns=0)
         if self.time_from is None:
             return [found]
         times = printed_times(self.time_from, done.stdout.decode(errors="replace"), name)

@@ -19,6 +19,7 @@ from study.numbers.stats import Interval
 FASTER, SLOWER, FEW = "faster", "slower", "unknown (too few launches)"
 UNSURE, TWO_MODES = "not told apart", "no verdict (two modes)"
 ENOUGH = 10  # launches; with fewer that nothing interrupted, all count
+DISTINCT = 5  # times; fewer are those of a coarse clock
 COLUMNS = [("program", "program"), ("case", "case"), ("launches", "launches"), ("ms", "ms [95 %]")]
 COLUMNS += [("cpu_ms", "CPU ms"), ("mib", "peak MiB")]
 COLUMNS += [("instructions", "instructions"), ("joules", "J"), ("ratio", "first / this [95 %]")]
@@ -29,7 +30,7 @@ COLUMNS += [("verdict", "this is")]
 class Row:
     """A program in one case; medians over launches. `ratio`: the median over rounds of `base`'s time over
     this one's: over 1, this one is faster. None: it is the base itself, or the machine has no such counter.
-    `modes`: two modes of its times, ms; `drift`: relative, from the first launches to the last. Launches that
+    `modes`: two modes of its times, ms; `step`: coarse(); `drift`: relative, first to last. Launches that
     other processes interrupted are in no figure of these, and `left_out` is their number. `disturbed`: of the
     ratio's rounds (without a ratio: of the launches) those that were interrupted and count all the same.
     `sure`: the ratio with the interval that the verdict is by: those of all ratios hold at once in 95 %."""
@@ -47,6 +48,7 @@ class Row:
     sure: Interval | None
     verdict: str
     modes: Modes | None
+    step: float | None
     drift: float | None
     left_out: int
     disturbed: int
@@ -88,16 +90,25 @@ def cover(programs: Sequence[Program]) -> float:
     return stats.together(sum(base is not None for base in bases(programs)))
 
 
-def verdict(found: Interval, sure: Interval, of_rounds: pd.Series, precision: float | None) -> str:
-    """`precision`: a difference that is surely smaller is none."""
+def coarse(times: pd.Series, precision: float | None) -> float | None:
+    """The step, relative, of times that repeat in steps too wide for `precision`; 0: all are equal."""
+    found = np.unique(times)
+    if len(times) < DISTINCT or len(found) == len(times):
+        return None
+    step = float(np.diff(found).min(initial=found[-1] - found[0]) / np.median(times))
+    return step if len(found) < DISTINCT or step > (precision or modes.LEAST) else None
+
+
+def verdict(found: Interval, sure: Interval, of: pd.Series, precision: float | None, step: float = 0) -> str:
+    """`precision`: a difference that is surely smaller is none; one within a `step` is not known."""
     if not sure.sufficient:
         return FEW
-    two = modes.modes(of_rounds)
+    two = modes.modes(of)
     if two and two.split(found):
         return TWO_MODES
-    if sure.excludes_one:
+    if sure.excludes_one and abs(found.value - 1) > 1.01 * step:
         return FASTER if sure.low > 1 else SLOWER
-    near = precision and 1 - precision <= found.low <= found.high <= 1 + precision
+    near = precision and step <= precision and 1 - precision <= found.low <= found.high <= 1 + precision
     return f"the same within {100 * precision:.3g} %" if precision and near else UNSURE
 
 
@@ -113,13 +124,14 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
         other = known.get((first.name, first.case)) if first else None
         launches, ratio, sure, said = calm(cell.values), None, None, ""
         ms, disturbed = launches.ns / 1e6, int(noise.interrupted(launches).sum())
-        two = modes.modes(ms)
+        two, step = modes.modes(ms), coarse(launches.ns, plan.precision)
         if other is not None:
             rounds = ratios(other.values, cell.values)
             disturbed = int(rounds.disturbed.sum())
             ratio = sequential.median_interval(rounds.ratio, stopped)
             sure = sequential.median_interval(rounds.ratio, stopped, wide)
-            said = verdict(ratio, sure, rounds.ratio, None if disturbed else plan.precision)
+            steps = max(step or 0, coarse(calm(other.values).ns, plan.precision) or 0)
+            said = verdict(ratio, sure, rounds.ratio, None if disturbed else plan.precision, steps)
         made.append(
             Row(
                 program=program.name,
@@ -135,6 +147,7 @@ def rows(cells: Sequence[Cell], plan: Plan) -> list[Row]:
                 sure=sure,
                 verdict=said,
                 modes=two,
+                step=step,
                 drift=modes.drift(two.within(ms) if two else ms),
                 left_out=len(cell.values) - len(ms),
                 disturbed=disturbed,
@@ -187,12 +200,15 @@ def remarks(found: Sequence[Row]) -> list[str]:
                 text += "; its median time lies between them and says little"
                 text += ", that of its ratios does not" * (row.verdict not in ("", FEW, TWO_MODES))
             said.append(text)
+        if row.step is not None:
+            step = (
+                f"in steps of {100 * row.step:.2g} %: no smaller change" if row.step else "all equal: no step"
+            )
+            said.append(f"{row.name}: its times are {step} is known")
         if row.drift:
             way = "slower" if row.drift > 0 else "faster"
-            text = (
-                f"{row.name}: its launches drifted, the last quarter {100 * abs(row.drift):.1f} % {way} than"
-            )
-            said.append(f"{text} the first")
+            text = f"the last quarter {100 * abs(row.drift):.1f} % {way} than the first"
+            said.append(f"{row.name}: its launches drifted, {text}")
         if row.left_out:
             about = f"{row.left_out} of {row.launches + row.left_out} launches were interrupted"
             said.append(f"{row.name}: {about} by other processes and are left out")

@@ -115,6 +115,17 @@ def test_user_time_and_peak_memory_are_the_program_s_own(timed):
     assert big["verdict"] == "" and small["verdict"].startswith("unknown")
 
 
+def test_cpu_time_is_compared_by_cpu_and_nobody_interrupts_it(timed, stepwise, monkeypatch):
+    monkeypatch.setattr(noise, "PREEMPTIONS", 0)
+    words = [sys.executable, "-c", "sum(range(10**5))"]
+    rows, _, frames = timed("--by", "cpu", "--launches", 10, "--", *words, ":::", "sleep 0.01")
+    assert all(one.ns == one.user_ns + one.system_ns for one in frames)
+    assert rows[1]["ratio"]["value"] > 1 and rows[1]["ms"]["value"] < 10
+    assert [row["cpu_ms"] for row in rows] == pytest.approx([row["ms"]["value"] for row in rows])
+    assert [row["left_out"] + row["disturbed"] for row in rows] == [0, 0]
+    assert stepwise("time", "--by", "cpu", *FROM, "--", "true").returncode == cli.BAD_INPUT
+
+
 def test_a_gate_fails_for_what_is_surely_slower_by_more_than_least(stepwise, tmp_path):
     words = ["time", "--results", tmp_path, "--fail-on-slower", *FROM]
     programs = ["--", "echo took 10 ms", ":::", "echo took 10.3 ms"]

@@ -68,7 +68,7 @@ def test_a_ratio_of_rounds_that_are_all_interrupted_is_not_called_the_same(
     interruptions, left_out, disturbed, said
 ):
     taken = np.full(40, interruptions)
-    both = [launches(BUSY + SLICE * taken, taken) for _ in range(2)]
+    both = [launches(BUSY + SLICE * taken + np.arange(40), taken) for _ in range(2)]
     cells = [Cell(name, name, 1, 1, 1, Facts(), one) for name, one in zip("ab", both, strict=True)]
     plan = Plan(programs=[Program(name=name, case=name, command=[name]) for name in "ab"], precision=0.05)
     _, row = programs.rows(cells, plan)
@@ -94,6 +94,22 @@ def test_launches_that_change_their_mode_drift_only_within_it(slope):
     plan = Plan(programs=[Program(name="a", case="", command=["a"])], precision=0.05)
     (row,) = programs.rows([Cell("", "a", 1, 1, 1, Facts(), pd.DataFrame({"ns": ns}))], plan)
     assert row.modes and (0.2 * slope < row.drift < slope if slope else row.drift is None)
+
+
+@pytest.mark.parametrize(
+    "ms, other, verdict",
+    [(30, 29, UNSURE), (30, 33, "slower"), (30, 30, UNSURE), (900, 901, "the same within 1 %")],
+)
+def test_no_difference_is_told_that_is_within_the_step_of_a_clock(ms, other, verdict):
+    """Of 1 ms: each tenth launch has one more."""
+    cells = []
+    for name, value in (("a", ms), ("b", other)):
+        ns = 1e6 * (value + (np.arange(40) % 10 == 9))
+        cells.append(Cell("", name, 1, 1, 1, Facts(), pd.DataFrame({"ns": ns})))
+    plan = Plan(programs=[Program(name=name, case="", command=["x"]) for name in "ab"], precision=0.01)
+    one, two = programs.rows(cells, plan)
+    assert (one.step, two.verdict) == (pytest.approx(1 / ms), verdict)
+    assert len(programs.remarks([one])) == 1 and bool(programs.slower([two], 0)) == (verdict == "slower")
 
 
 def gate(random: np.random.Generator, factors: list[float], rounds: int) -> list[str]:
