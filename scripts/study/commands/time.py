@@ -91,7 +91,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("command", nargs="*", metavar="-- CMD ::: CMD", help="the programs, the first of all the base")
     add("--precision", type=precision, metavar="P", help="of the ratios, ±; default: 1%%")
-    about = f"of measuring at most; default: {A_PROGRAM:g} for each program, or {LEAST_ROUNDS} rounds"
+    about = f"of measuring them all at most; default: {A_PROGRAM:g} a program, or {LEAST_ROUNDS} rounds"
     add("--budget", type=cli.at_least(0.001, float), metavar="SECONDS", help=about)
     add("--launches", type=cli.at_least(1), help="of each program, instead of --precision")
     about = "smallest change that --fail-on-slower counts, like 2%%; default: 0%%"
@@ -273,7 +273,10 @@ def told(target: store.Run, plan: Plan, args: argparse.Namespace) -> Outcome:
     said = [*table.remarks(found), *noise.others(frames)]
     said += quotas.notices(target.context) if args.by == "wall" else []
     rounds = f"{plan.launches} rounds after {plan.warmup} of warm-up, CPU {plan.cpu}, seed {plan.seed}"
-    known = [row.ratio for row in found if row.ratio] or [row.ms for row in found]
+    ratios = [row.ratio for row in found if row.ratio]
+    if any(one.launches < plan.launches for one in ratios):
+        rounds += f"; in the ratios: {', '.join(str(one.launches) for one in ratios)}"
+    known = ratios or [row.ms for row in found]
     if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
         rounds += f"; not known to ±{100 * plan.precision:.3g} %: --budget allows more"
     elif plan.precision and any(row.verdict == table.UNSURE for row in found):
