@@ -38,6 +38,8 @@ class Subject:
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
+        if gated:  # the planes hold depths as floats: 16 units away one rounding is over the 1e-6 of a grant
+            granted["dt_p99"] = max(granted.get("dt_p99", 0), judging.rounding(self.truth, made))
         as_many = judging.dt_p99_of(self.base_distances, self.truth, made)
         outlines = int(granted.get(gate.OUTLINE, 0))
 

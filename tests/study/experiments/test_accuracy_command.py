@@ -132,6 +132,26 @@ def test_a_declared_margin_is_granted(command, house, disc):
     assert rows(house.run)[0].worse == ["false_misses_ppm"]
 
 
+@pytest.mark.parametrize("far", [2, 50])
+def test_one_rounding_of_a_depth_is_granted_and_no_more(command, house, disc, monkeypatch, far):
+    """At each hit's own depth: a hundred hits at 1000, whose floats are coarser, grant the others nothing."""
+    spacing = np.spacing(np.float32(far))
+
+    def off(by: float):
+        picture = disc()
+        rows, columns = np.nonzero(picture["id"] >= 0)
+        picture["Z"][rows, columns] = far + np.float32(by) * spacing
+        picture["Z"][rows[:100], columns[:100]] = 1000
+        return picture
+
+    monkeypatch.setattr(subject.truth, "picture", lambda scene, size: made_truth(off(0)))
+    house.pictures["baseline"] = lambda: off(4)
+    for by, status in ((4, 0), (5, 0), (6, 1)):
+        house.pictures["opt5"] = lambda by=by: off(by)
+        assert command("--phase", "opt5", "--scene", "trio").ended == status
+        assert rows(house.run)[0].worse == ["dt_p99"] * status
+
+
 def test_a_picture_that_is_not_finite_fails_gated_or_not(command, house, disc):
     def broken():
         picture = disc()
