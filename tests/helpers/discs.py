@@ -16,7 +16,7 @@ def made_truth(picture: Picture) -> Picture:
     truth = Picture({name: plane.copy() for name, plane in picture.items()})
     for prefix in ("ideal.", "none."):
         truth |= {prefix + name: picture[name].copy() for name in "RGB"}
-    for name, value in {"shadow": 1, "status": 2, "status.all": 2}.items():
+    for name, value in {"shadow": 1, "shadow.ideal": 1, "status": 2, "status.all": 2}.items():
         truth[name] = np.full(picture["R"].shape, value, np.float32)
     return truth
 

@@ -86,6 +86,7 @@ class Row(Colours, kw_only=True):
     bad_interior: Annotated[float, key("share of bad pixels", "none of these")] = math.nan
     gated: Annotated[bool, key("", "whether the phase can fail (docs/method.md)")] = False
     judged_by: Annotated[str | None, key("", "`ideal` or `estimator`: the shadow that it draws")] = None
+    to_ideal: Annotated[bool, key("", "whether FLIP, and pixels off or bad, are to the ideal shadow")] = False
     margins: Annotated[dict[str, float] | None, key("", "how much further than baseline")] = None
     worse: Annotated[list[str], key("", "metrics worse than baseline's")] = []
     why: Annotated[list[str], key("", "what is outside of the margins")] = []

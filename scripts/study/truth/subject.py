@@ -18,7 +18,8 @@ class Subject:
         self.gallery, self.scene, self.plain, self.size = gallery, scene, plain, size
         self.truth = truth.picture(scene, size)
         self.mirrors = judging.mirrors(scene)
-        self.where = where.classes(self.truth, self.mirrors)
+        planes = {name: self.truth[f"ideal.{name}"] for name in "RGB"}
+        self.ideal = self.truth | planes | {"shadow": self.truth["shadow.ideal"]}
         self.base, made = self.measure(BASE)
         self.base_distances = judging.right_distances(self.truth, made)
         self.pictures = {"baseline": made, "the exact estimator": self.truth}
@@ -50,7 +51,10 @@ class Subject:
         others = {who: values | beyond(self.pictures[who]) for who, values in self.references.items()}
         ideal = gate.margins(phase, gate.IDEAL)
         worse = gate.inferior(found | beyond(made) | {"dt_p99": as_many}, others, granted, ideal)
-        wrong = where.bad(self.truth, made)
+        exact = self.ideal if ideal else self.truth
+        places, wrong = where.classes(exact, self.mirrors), where.bad(exact, made)
+        off = judging.metrics(exact, made) if ideal else {}
+        found |= {name: off[name] for name in off if name.startswith(("flip", "fraction", "max_abs"))}
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
         averaged, surface = found.pop("antialiased", None), found.pop("surface", None)
@@ -66,9 +70,10 @@ class Subject:
             surface=surface and Surface(**surface | {"antialiased": Colours(**surface["antialiased"])}),
             dt_p99_of_as_many=as_many,
             beyond_outlines=beyond(made) or None,
-            **where.shares(self.where, wrong),
+            **where.shares(places, wrong),
             gated=gated,
             judged_by=gate.IDEAL if ideal else "estimator",
+            to_ideal=bool(ideal),
             margins=granted,
             worse=list(worse),
             why=[f"{name}: {text}" for name, text in worse.items()],
@@ -78,6 +83,6 @@ class Subject:
             picture=f"{gallery.folder.name}/{stem}",
         )
         title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against ground truth"
-        figure = where.figure(self.truth, made, title, str(spec), row, self.where, wrong)
+        figure = where.figure(exact, made, title, str(spec), row, places, wrong)
         panels.save(figure, gallery.folder / stem)
         return row

@@ -152,6 +152,22 @@ def test_one_rounding_of_a_depth_is_granted_and_no_more(command, house, disc, mo
         assert rows(house.run)[0].worse == ["dt_p99"] * status
 
 
+def test_pixels_of_a_phase_that_draws_the_ideal_shadow_are_held_against_that(
+    command, house, disc, monkeypatch
+):
+    truth = made_truth(disc())
+    truth["R"][20, 20:24] += np.float32(0.1)
+    truth["ideal.R"][5, 5] += np.float32(0.1)
+    monkeypatch.setattr(subject.truth, "picture", lambda scene, size: truth)
+    tolerance = {gate.IDEAL: {"psnr_ideal_db": 20, "reason": "a test"}}
+    house.known["opt5"] = msgspec.structs.replace(house.known["opt5"], tolerance=tolerance)
+    command("--phase", "opt4", "opt5", "--scene", "trio")
+    paper, ideal = rows(house.run)
+    assert (paper.to_ideal, paper.bad_pixels, ideal.to_ideal, ideal.bad_pixels) == (False, 4, True, 1)
+    assert ideal.fraction_over_1_255 == pytest.approx(PIXEL / 1e6) and ideal.flip_mean < paper.flip_mean
+    assert ideal.psnr_db == paper.psnr_db < ideal.psnr_ideal_db == paper.psnr_ideal_db
+
+
 def test_a_picture_that_is_not_finite_fails_gated_or_not(command, house, disc):
     def broken():
         picture = disc()

@@ -70,7 +70,7 @@ ERRORS = [
     _column("|Δt|", "p99", "dt_p99"),
     _column("|Δt|", "max", "dt_max"),
     _column("", "normal p99, °", "normal_p99_degrees"),
-    _column("", "shadow RMSE", "shadow_rmse"),
+    Column("", "shadow RMSE", lambda r: show.number(r.shadow_ideal_rmse if r.to_ideal else r.shadow_rmse)),
     *(
         _column(f"PSNR dB, {space}", head, f"psnr{which}{infix}_db", _decibels)
         for space, infix in SPACES
@@ -139,11 +139,13 @@ def tables(result: Accuracy) -> list[tuple[str, str, list[Any], list[Column]]]:
     averaged = "Fractals, to baseline's march in exact arithmetic: depth and averaged pictures"
     proved = [row for row in rows if row.surface]
     heights = " and ".join(map(str, sorted({row.height for row in rows})))
+    ideal = ", ".join(dict.fromkeys(row.phase for row in rows if row.to_ideal))
+    to = f" ({ideal}: pixels, FLIP and shadow to the ideal picture)" if ideal else ""
     made = [
-        ("accuracy", f"Error to ground truth, at n = {heights}", rows, ERRORS),
+        ("accuracy", f"Error to ground truth, at n = {heights}{to}", rows, ERRORS),
         ("accuracy-surface", f"Mandelbulbs, to the exact surface, at n = {heights}", proved, SURFACE),
         ("accuracy-averaged", averaged, fractal, AVERAGED),
-        ("accuracy-where", "Where the bad pixels lie", rows, PLACES),
+        ("accuracy-where", f"Where the bad pixels lie{to}", rows, PLACES),
     ]
     return [one for one in made if one[2]]
 
