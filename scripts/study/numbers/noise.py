@@ -97,7 +97,7 @@ def _outliers(cell: Cell) -> list[str]:
 
 
 def indistinguishable(cells: Sequence[Cell]) -> list[str]:
-    """A sentence for each pair of specs of one comparison that the launches cannot tell apart."""
+    """A sentence for each comparison with pairs of specs that the launches cannot tell apart."""
     found = []
 
     def key(cell: Cell) -> tuple:
@@ -108,9 +108,7 @@ def indistinguishable(cells: Sequence[Cell]) -> list[str]:
         if min(len(cell.values) for cell in mine) < stats.FEWEST:
             found.append(f"{where}: under {stats.FEWEST} launches, so no two phases can be told apart")
             continue
-        for a, b in combinations(mine, 2):
-            ratio = b.over(a)
-            if not ratio.excludes_one:
-                told = f"(time of {a.spec} over {b.spec}: {ratio.text()})"
-                found.append(f"{where}: noise hides the difference of {a.spec} and {b.spec} {told}")
+        ratios = [(f"{a.spec} and {b.spec}", b.over(a)) for a, b in combinations(mine, 2)]
+        if told := [f"{who} ({ratio.text()})" for who, ratio in ratios if not ratio.excludes_one]:
+            found.append(f"{where}: noise hides the difference (and ratio of times) of {', '.join(told)}")
     return found
