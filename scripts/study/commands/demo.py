@@ -88,10 +88,12 @@ def run(args: argparse.Namespace) -> Outcome:
     size = f"{slow.width}×{slow.height} pixels"
     faster = f"{ratio:,.1f} times as fast as {reference}"
     notes = note(slow), note(fast), "one frame each; make study has intervals"
+    soft = scene.content.light.shadows == "soft" and registry.find_phase(spec.phase).draws_ideal
+    shadow = f"; it draws the ideal soft shadow, {reference} the paper's estimate of it" * soft
     names, title = (str(reference), str(spec)), f"{scene.name}, {size}: {spec} is {faster}"
     panels.save(panels.pair(pictures, names, title, metrics, notes), args.out)
     found = {"schema": 1, "scene": scene.name, "reference": vars(slow), "phase": vars(fast), "speedup": ratio}
     found |= {**metrics, "seconds": time.monotonic() - began, "picture": args.out}
     lines = [f"{reference}, {scene.name}, {size}: {speed(slow)}"]
-    lines += [f"{spec}: {speed(fast)}, {faster} (one thread each); {panels.error_text(metrics)}"]
+    lines += [f"{spec}: {speed(fast)}, {faster} (one thread each); {panels.error_text(metrics)}{shadow}"]
     return Outcome(found, lines, remarks=[f"picture: {args.out}"])
