@@ -279,7 +279,7 @@ def told(target: store.Run, plan: Plan, args: argparse.Namespace) -> Outcome:
     known = ratios or [row.ms for row in found]
     if plan.precision and not all(sequential.within(one, plan.precision) for one in known):
         rounds += f"; not known to ±{100 * plan.precision:.3g} %: --budget allows more"
-    elif plan.precision and any(row.verdict == table.UNSURE for row in found):
+    elif plan.precision and any(row.verdict == table.UNSURE and row.step is None for row in found):
         rounds += f"; a --precision below {100 * plan.precision:.3g}% tells smaller differences"
     result = {"rows": found, "launches": plan.launches, "warmup": plan.warmup}
     failed = table.slower(found, args.least) if args.fail_on_slower else []

@@ -11,6 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import emitted
 import pandas as pd
@@ -121,8 +122,7 @@ def test_cpu_time_is_compared_by_cpu_and_nobody_interrupts_it(timed, stepwise, m
     rows, _, frames = timed("--by", "cpu", "--launches", 10, "--", *words, ":::", "sleep 0.01")
     assert all(one.ns == one.user_ns + one.system_ns for one in frames)
     assert rows[1]["ratio"]["value"] > 1 and rows[1]["ms"]["value"] < 10
-    assert [row["cpu_ms"] for row in rows] == pytest.approx([row["ms"]["value"] for row in rows])
-    assert [row["left_out"] + row["disturbed"] for row in rows] == [0, 0]
+    assert not any(row["left_out"] + row["disturbed"] for row in rows)
     assert stepwise("time", "--by", "cpu", *FROM, "--", "true").returncode == cli.BAD_INPUT
 
 
@@ -212,19 +212,13 @@ def test_commands_around_the_launches(timed, tmp_path):
 
 def test_ctrl_c_leaves_a_run_that_is_read(stepwise, tmp_path, monkeypatch):
     """In the seventh round after one of warm-up."""
-
-    def interrupt(self: time.Timing, rounds: int) -> bool:
-        if rounds == 7:
-            raise KeyboardInterrupt
-        return False
-
-    monkeypatch.setattr(time.Timing, "known", interrupt)
+    monkeypatch.setattr(time.Timing, "known", Mock(side_effect=[False] * 6 + [KeyboardInterrupt]))
     programs = ["--", "echo took 10 ms", ":::", "echo took 12 ms"]
     done = stepwise("time", "--results", tmp_path, "--warmup", 1, *FROM, *programs)
     (folder,) = tmp_path.glob("*/*")
     assert done.returncode == cli.INTERRUPTED and str(folder) in done.stderr and " 14 " in done.stderr
-    rows = emitted.result(stepwise("compare", folder, folder, "--json").stdout)["rows"]
-    assert [row["ms"]["launches"] for row in rows] == [7, 7]
+    (row, _) = emitted.result(stepwise("compare", folder, folder, "--json").stdout)["rows"]
+    assert row["ms"]["launches"] == 7
 
 
 def test_failures_input_and_shells(timed, stepwise, tmp_path):
@@ -329,18 +323,8 @@ def test_such_runs_are_compared_exported_and_reported(stepwise, timed, tmp_path)
     folders = []
     for ms in (10, 12.5):
         program = script(tmp_path, "new", f"echo took {ms} ms")
-        timed(
-            *FROM,
-            "--vary",
-            "n",
-            "1,2",
-            "--export-json",
-            tmp_path / "direct.json",
-            "--",
-            BOTH,
-            ":::",
-            f"{program} {{n}}",
-        )
+        words = [*FROM, "--vary", "n", "1,2", "--export-json", tmp_path / "direct.json"]
+        timed(*words, "--", BOTH, ":::", f"{program} {{n}}")
         folders.append(max((tmp_path / "results").glob("*/*"), key=lambda path: path.stat().st_mtime_ns))
     with pytest.raises(StudyError, match="no run yet"):  # no experiment measures into it
         Run.latest(tmp_path / "results")
