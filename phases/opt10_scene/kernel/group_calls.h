@@ -26,6 +26,11 @@ FROM_PROGRAM struct field_surface field_surface(const struct field *field, struc
     return groups_of->group_calls->surface(field, p, found);
 }
 
+FROM_PROGRAM struct field_surface sharp_surface(const struct sharp *sharp, struct vec p,
+                                                vmask found) {
+    return groups_of->group_calls->sharp_surface(sharp, p, found);
+}
+
 FROM_PROGRAM vmask field_enter(const struct field *field, struct vec o, struct vec d, vmask active,
                                vfloat near, vfloat far, vfloat *t) {
     return groups_of->group_calls->enter(field, o, d, active, near, far, t);

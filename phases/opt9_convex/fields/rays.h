@@ -64,6 +64,7 @@ struct group_calls {
                        const float[4]);
     vfloat (*distance)(const struct field *, struct vec);
     struct field_surface (*surface)(const struct field *, struct vec, vmask);
+    struct field_surface (*sharp_surface)(const struct sharp *, struct vec, vmask);
     vmask (*enter)(const struct field *, struct vec, struct vec, vmask, vfloat, vfloat, vfloat *);
     vmask (*sharp)(const struct sharp *, struct vec, struct vec, vmask, vfloat, vfloat, vfloat *);
     // opt11_ideal and later; NULL: none.

@@ -20,6 +20,7 @@ static void prepare_leaf(struct primitive *p, const struct shape *shape,
     memcpy(sized.position, p->position, sizeof p->position);
     memcpy(sized.turn, p->turn, sizeof p->turn);
     sized.turned = p->turned;
+    sized.index = p->index;
     sized.eval = EVAL_POINT;
     sized.bound = (float)bound;
     sized.bound_sq = (float)(bound * bound);
@@ -75,6 +76,13 @@ static bool fits_its_cells(const struct shape *shape, struct primitive *p,
     return !jumps && cells < MAX_CELLS;
 }
 
+static void take_material(struct primitive *p, const struct material *m) {
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+}
+
 static void prepare_solid(struct primitive *p, const struct shape *shape,
                           const struct model *model) {
     double bound = bounding_radius(shape);
@@ -86,11 +94,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->bound_sq = (float)(bound * bound);
     p->convex =
         shape->type != SHAPE_TORUS && shape->type != SHAPE_GROUP && !is_fractal(shape->type);
-    const struct material *m = &model->materials[shape->material];
-    to_floats(m->color, p->color);
-    p->share = (float)(m->reflectivity * 0.1);
-    p->shininess = (float)m->shininess;
-    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+    take_material(p, &model->materials[shape->material]);
     if (p->eval == EVAL_LINEAR)
         p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
@@ -195,9 +199,15 @@ static void add_group(struct prepared *prepared, int i, struct primitive *p) {
     const struct field *field = field_of(prepared->fields, i);
     struct sharp *sharp = &prepared->sharps[prepared->sharp_count];
     bool is_sharp = take_sharp(sharp, shape, field->centre);
-    for (int k = 0; k < sharp->leaves && is_sharp; k++)
+    for (int k = 0; k < sharp->leaves && is_sharp; k++) {
+        struct primitive *leaf = &sharp->leaf[k];
         if (sharp->shape[k])
-            prepare_leaf(&sharp->leaf[k], sharp->shape[k], &prepared->model.march);
+            prepare_leaf(leaf, sharp->shape[k], &prepared->model.march);
+        if (leaf->index >= 0)
+            take_material(
+                leaf,
+                &prepared->model.materials[prepared->model.nodes[(int)leaf->index].shape.material]);
+    }
     prepared->sharp_count += is_sharp;
     prepare_group(p, field, is_sharp ? sharp : NULL);
     if (is_sharp)

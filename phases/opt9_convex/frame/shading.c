@@ -34,7 +34,8 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
 // Sets the surface of the lanes that hit a group: materials are mixed in a blend.
 static void group_surface(const struct primitive *s, struct vec p, vmask same,
                           struct surface *all) {
-    struct field_surface at = field_surface(FIELD_OF(s), p, same);
+    struct field_surface at =
+        SHARP_OF(s) ? sharp_surface(SHARP_OF(s), p, same) : field_surface(FIELD_OF(s), p, same);
     all->normal = vec_select(same, turned_back(s, at.normal), all->normal);
     all->color = vec_select(same, at.color, all->color);
     all->share = v_select(same, at.reflectivity * v_splat(0.1f), all->share);

@@ -18,8 +18,8 @@ struct taker {
     bool fits;
 };
 
-// Adds a leaf, and the part that it is: where a node is taken away, what is outside of it.
-static struct primitive *add_leaf(struct taker *w, bool removes) {
+// Adds a leaf of a node (−1: of none), and the part that it is: where a node is taken away, what is outside of it.
+static struct primitive *add_leaf(struct taker *w, int node, bool removes) {
     struct sharp *sharp = w->sharp;
     w->fits = w->fits && sharp->leaves < SHARP_LEAVES && sharp->parts < SHARP_PARTS;
     if (!w->fits)
@@ -28,7 +28,9 @@ static struct primitive *add_leaf(struct taker *w, bool removes) {
     sharp->shape[sharp->leaves] = NULL;
     sharp->part[sharp->parts++] =
         (struct sharp_part){.kept = removes ? 0 : bit, .cut = removes ? bit : 0};
-    return &sharp->leaf[sharp->leaves++];
+    struct primitive *leaf = &sharp->leaf[sharp->leaves++];
+    *leaf = (struct primitive){.index = (float)node};
+    return leaf;
 }
 
 // Replaces the parts from `first` on by what each of them has in common with each of those from `second` on.
@@ -46,11 +48,12 @@ static void intersect_parts(struct taker *w, int first, int second) {
 
 // Adds the half-space normal·q ≤ offset.
 static void add_plane(struct taker *w, const struct placed *at, const double normal[3],
-                      double offset, bool removes) {
-    struct primitive *p = add_leaf(w, removes);
+                      double offset, int node, bool removes) {
+    struct primitive *p = add_leaf(w, node, removes);
     if (!p)
         return;
-    *p = (struct primitive){.type = SHAPE_PLANE, .eval = EVAL_LINEAR};
+    p->type = SHAPE_PLANE;
+    p->eval = EVAL_LINEAR;
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++)
             p->normal[k] += (float)(at->turn[i][k] * normal[i]);
@@ -59,13 +62,13 @@ static void add_plane(struct taker *w, const struct placed *at, const double nor
     p->c = (float)offset;
 }
 
-static void add_solid(struct taker *w, const struct placed *at, const struct shape *shape,
-                      bool removes) {
-    struct primitive *p = add_leaf(w, removes);
+static void add_solid(struct taker *w, const struct placed *at, int node, bool removes) {
+    const struct shape *shape = &w->nodes[node].shape;
+    struct primitive *p = add_leaf(w, node, removes);
     if (!p)
         return;
     w->sharp->shape[w->sharp->leaves - 1] = shape;
-    *p = (struct primitive){.eval = EVAL_POINT};
+    p->eval = EVAL_POINT;
     for (int k = 0; k < 3; k++) {
         double position = 0;
         for (int i = 0; i < 3; i++) {
@@ -94,9 +97,9 @@ static void take_inside(struct taker *w, int index, const struct placed *at, boo
     const struct node *node = &w->nodes[index];
     int first = w->sharp->parts;
     if (node->shape.type == SHAPE_PLANE)
-        add_plane(w, at, node->shape.plane.normal, node->shape.plane.offset, removes);
+        add_plane(w, at, node->shape.plane.normal, node->shape.plane.offset, index, removes);
     else if (node->operation == NODE_SHAPE)
-        add_solid(w, at, &node->shape, removes);
+        add_solid(w, at, index, removes);
     for (int i = index + 1; i < node->end && w->fits; i = w->nodes[i].end) {
         int second = w->sharp->parts;
         take_node(w, i, *at, removes != (node->operation == NODE_DIFFERENCE && i != index + 1));
@@ -145,7 +148,7 @@ static void take_node(struct taker *w, int index, struct placed at, bool removes
             if (node->mirror[axis] && !is_beside(w->nodes, index, axis)) {
                 double normal[3] = {-(axis == 0), -(axis == 1), -(axis == 2)};
                 int plane = w->sharp->parts;
-                add_plane(w, &seen, normal, 0, removes);
+                add_plane(w, &seen, normal, 0, -1, removes);
                 if (!removes)
                     intersect_parts(w, second, plane);
             }

@@ -106,13 +106,9 @@ static bool distances(const struct prepared *prepared, size_t count, const doubl
     return true;
 }
 
-static const struct group_calls group_calls = {field_row,
-                                               field_in_frustum,
-                                               field_distance,
-                                               field_surface,
-                                               field_enter,
-                                               sharp_enter,
-                                               SOFT_IS_IDEAL ? field_widest : NULL};
+static const struct group_calls group_calls = {
+    field_row,     field_in_frustum, field_distance, field_surface,
+    sharp_surface, field_enter,      sharp_enter,    SOFT_IS_IDEAL ? field_widest : NULL};
 
 const struct lane_kernel VARIANT(kernel) = {scratch_size, tiles, draw_any_tile, distances,
                                             &group_calls};

@@ -168,3 +168,91 @@ vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask a
     }
     return found;
 }
+
+// Returns p less the nearest point of the capsule's axis, in its frame.
+static struct vec off_axis(struct vec p, const struct primitive *s) {
+    p.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c));
+    return p;
+}
+
+static vfloat leaf_distance(const struct primitive *s, struct vec p) {
+    if (s->type == SHAPE_PLANE)
+        return height_over(s, p);
+    p = turned(s, vec_sub(p, vec_set(s->position)));
+    if ((int)s->type == SHAPE_CAPSULE)
+        return vec_norm(off_axis(p, s)) - v_splat(s->a);
+    return distance_at(p, s, v_mask_none());
+}
+
+static struct vec leaf_normal(const struct primitive *s, struct vec p) {
+    if (s->type == SHAPE_PLANE)
+        return vec_set(s->normal);
+    p = turned(s, vec_sub(p, vec_set(s->position)));
+    if ((int)s->type != SHAPE_CAPSULE)
+        return turned_back(s, normal_on(p, s));
+    p = off_axis(p, s);
+    return turned_back(s, vec_scale(p, v_splat(1.0f) / v_max(vec_norm(p), v_splat(1e-18f))));
+}
+
+// What decides at a point. f: the field; most: of the leaves that have a material; sign: −1 where that leaf is cut away.
+struct decision {
+    vfloat f, most, leaf, node, sign;
+};
+
+// Returns the lanes where a is before b: at its f the lesser, or the first of equals in the tree.
+static inline vmask decides(vfloat a, vfloat node, vfloat b, vfloat other) {
+    return v_or(v_cmp_lt(a, b), v_andnot(v_cmp_lt(b, a), v_cmp_lt(node, other)));
+}
+
+static struct decision in_part(const struct sharp *sharp, const struct sharp_part *part,
+                               struct vec p, vmask found) {
+    vfloat lowest = v_splat(-INFINITY), one = v_splat(1.0f);
+    struct decision d = {lowest, lowest, v_splat(-1.0f), v_splat(INFINITY), one};
+    for (unsigned rest = part->kept | part->cut; rest; rest &= rest - 1) {
+        int i = __builtin_ctz(rest);
+        const struct primitive *leaf = &sharp->leaf[i];
+        bool away = part->cut >> i & 1;
+        if (away && !v_any(v_and(found, near_leaf(leaf, p))))
+            continue;
+        vfloat h = leaf_distance(leaf, p), node = v_splat(leaf->index);
+        if (away)
+            h = v_splat(0.0f) - h;
+        d.f = v_max(d.f, h);
+        if (leaf->index < 0)
+            continue;
+        vmask more = decides(v_splat(0.0f) - h, node, v_splat(0.0f) - d.most, d.node);
+        d.most = v_select(more, h, d.most);
+        d.leaf = v_select(more, v_splat((float)i), d.leaf);
+        d.node = v_select(more, node, d.node);
+        d.sign = v_select(more, v_splat(away ? -1.0f : 1.0f), d.sign);
+    }
+    return d;
+}
+
+struct field_surface sharp_surface(const struct sharp *sharp, struct vec p, vmask found) {
+    vfloat zero = v_splat(0.0f), far = v_splat(INFINITY);
+    struct decision d = {far, far, v_splat(-1.0f), far, zero};
+    for (int k = 0; k < sharp->parts; k++) {
+        unsigned kept = sharp->part[k].kept;
+        if (kept && !v_any(v_and(found, near_leaf(&sharp->leaf[__builtin_ctz(kept)], p))))
+            continue;
+        struct decision mine = in_part(sharp, &sharp->part[k], p, found);
+        vmask less = decides(mine.f, mine.node, d.f, d.node);
+        d.f = v_select(less, mine.f, d.f);
+        d.leaf = v_select(less, mine.leaf, d.leaf);
+        d.node = v_select(less, mine.node, d.node);
+        d.sign = v_select(less, mine.sign, d.sign);
+    }
+    struct field_surface all = {{zero, zero, zero}, {zero, zero, zero}, zero, zero};
+    for (int k = 0; k < sharp->leaves; k++) {
+        vmask here = v_and(found, v_cmp_eq(d.leaf, v_splat((float)k)));
+        if (!v_any(here))
+            continue;
+        const struct primitive *leaf = &sharp->leaf[k];
+        all.normal = vec_select(here, vec_scale(leaf_normal(leaf, p), d.sign), all.normal);
+        all.color = vec_select(here, vec_set(leaf->color), all.color);
+        all.reflectivity = v_select(here, v_splat(10.0f * leaf->share), all.reflectivity);
+        all.shininess = v_select(here, v_splat(leaf->shininess), all.shininess);
+    }
+    return all;
+}

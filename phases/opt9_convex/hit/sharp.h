@@ -16,7 +16,7 @@ struct sharp_part {
 // mirrors cut.
 struct sharp {
     int leaves, parts;
-    struct primitive leaf[SHARP_LEAVES];
+    struct primitive leaf[SHARP_LEAVES];     // index: of its node; −1: of none
     const struct shape *shape[SHARP_LEAVES]; // of the model; NULL: a half-space
     struct sharp_part part[SHARP_PARTS];
     int balls;                  // `parts`, or 0: some part lies in no leaf's sphere

@@ -170,6 +170,39 @@ def over_floor(shadows: str, *shapes: dict) -> dict:
     return scene
 
 
+def test_a_sharp_hit_has_the_surface_of_its_leaf(tmp_path: Path) -> None:
+    """Each leaf has a colour of its own; of two that are equal the first decides."""
+    kept = group(
+        "union",
+        solid("box", half_size=[0.9, 0.7, 0.8], material="a"),
+        solid("capsule", radius=0.6, half_height=0.9, position=[0.9, 0.3, 0.2], material="b"),
+        solid("sphere", radius=0.8, position=[0, 0.8, 0], material="c"),
+        solid("sphere", radius=0.8, position=[0, 0.8, 0], material="d"),
+        solid("octahedron", radius=0.9, position=[-0.8, 0.2, -0.5], material="e"),
+    )
+    whole = group(
+        "difference",
+        group("intersection", kept, solid("plane", normal=[0.2, 0.9, -0.387], offset=1.1, material="f")),
+        solid(
+            "cone", bottom_radius=0.5, top_radius=0.2, half_height=1, position=[0.3, 0, -0.6], material="g"
+        ),
+        position=[0, 0, 12],
+        rotation_degrees=[10, 30, 0],
+        mirror="x",
+    )
+    scene = over_floor("none", whole)
+    scene["materials"] |= {
+        name: {"color": [k % 2, k // 2 % 2, k // 4 / 2 + 0.2], "reflectivity": 0.1 * k, "shininess": 5 + k}
+        for k, name in enumerate("abcdefg")
+    }
+    check("opt9_convex", scene, tmp_path, 50)
+    theirs, mine = baselines(json.dumps(scene)), picture("opt9_convex", scene, tmp_path, SIZE)
+    seen = (mine["id"] > 0) & (theirs["id"] > 0)
+    apart = sum(mine[n] * theirs[n] for n in ("N.x", "N.y", "N.z"))[seen]
+    assert seen.sum() > 300 and (apart < 0.9999).sum() <= 2  # on an edge another leaf may decide
+    assert (np.abs(images.rgb(mine) - images.rgb(theirs)).max(-1) > 0.01).sum() <= 4
+
+
 # Solids that lie apart: what cuts one of them is far from the first.
 PARTS = group(
     "union",
