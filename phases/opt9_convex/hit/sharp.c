@@ -194,9 +194,9 @@ static struct vec leaf_normal(const struct primitive *s, struct vec p) {
     return turned_back(s, vec_scale(p, v_splat(1.0f) / v_max(vec_norm(p), v_splat(1e-18f))));
 }
 
-// What decides at a point. f: the field; most: of the leaves that have a material; sign: −1 where that leaf is cut away.
+// What decides at a point. f: the field; most: of the leaves that have a material; leaf, node: that leaf.
 struct decision {
-    vfloat f, most, leaf, node, sign;
+    vfloat f, most, leaf, node;
 };
 
 // Returns the lanes where a is before b: at its f the lesser, or the first of equals in the tree.
@@ -206,8 +206,8 @@ static inline vmask decides(vfloat a, vfloat node, vfloat b, vfloat other) {
 
 static struct decision in_part(const struct sharp *sharp, const struct sharp_part *part,
                                struct vec p, vmask found) {
-    vfloat lowest = v_splat(-INFINITY), one = v_splat(1.0f);
-    struct decision d = {lowest, lowest, v_splat(-1.0f), v_splat(INFINITY), one};
+    vfloat lowest = v_splat(-INFINITY);
+    struct decision d = {lowest, lowest, v_splat(-1.0f), v_splat(INFINITY)};
     for (unsigned rest = part->kept | part->cut; rest; rest &= rest - 1) {
         int i = __builtin_ctz(rest);
         const struct primitive *leaf = &sharp->leaf[i];
@@ -224,14 +224,13 @@ static struct decision in_part(const struct sharp *sharp, const struct sharp_par
         d.most = v_select(more, h, d.most);
         d.leaf = v_select(more, v_splat((float)i), d.leaf);
         d.node = v_select(more, node, d.node);
-        d.sign = v_select(more, v_splat(away ? -1.0f : 1.0f), d.sign);
     }
     return d;
 }
 
 struct field_surface sharp_surface(const struct sharp *sharp, struct vec p, vmask found) {
     vfloat zero = v_splat(0.0f), far = v_splat(INFINITY);
-    struct decision d = {far, far, v_splat(-1.0f), far, zero};
+    struct decision d = {far, far, v_splat(-1.0f), far};
     for (int k = 0; k < sharp->parts; k++) {
         unsigned kept = sharp->part[k].kept;
         if (kept && !v_any(v_and(found, near_leaf(&sharp->leaf[__builtin_ctz(kept)], p))))
@@ -241,7 +240,6 @@ struct field_surface sharp_surface(const struct sharp *sharp, struct vec p, vmas
         d.f = v_select(less, mine.f, d.f);
         d.leaf = v_select(less, mine.leaf, d.leaf);
         d.node = v_select(less, mine.node, d.node);
-        d.sign = v_select(less, mine.sign, d.sign);
     }
     struct field_surface all = {{zero, zero, zero}, {zero, zero, zero}, zero, zero};
     for (int k = 0; k < sharp->leaves; k++) {
@@ -249,7 +247,7 @@ struct field_surface sharp_surface(const struct sharp *sharp, struct vec p, vmas
         if (!v_any(here))
             continue;
         const struct primitive *leaf = &sharp->leaf[k];
-        all.normal = vec_select(here, vec_scale(leaf_normal(leaf, p), d.sign), all.normal);
+        all.normal = vec_select(here, leaf_normal(leaf, p), all.normal);
         all.color = vec_select(here, vec_set(leaf->color), all.color);
         all.reflectivity = v_select(here, v_splat(10.0f * leaf->share), all.reflectivity);
         all.shininess = v_select(here, v_splat(leaf->shininess), all.shininess);

@@ -140,7 +140,8 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
 vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask active, vfloat from,
                   vfloat to, vfloat *t);
 
-// Returns the surface of the leaf that decides at p, in the group's frame.
+// Returns the surface of the leaf that decides at p, in the group's frame. Its normal points out of the leaf, which may be
+// cut away.
 struct field_surface sharp_surface(const struct sharp *sharp, struct vec p, vmask found);
 
 static inline struct vec shared_inverses(struct vec d, const struct vec *known) {
