@@ -41,8 +41,8 @@ static bool bundle_misses_parts(const struct light_bundle *bundle, const struct 
     return missed;
 }
 
-// Adds shape i to the occluders unless its bounding sphere, or those of all its parts, are clear of the bundle. Without a bundle (NULL) every
-// shape is added, and planes and repeated shapes always are.
+// Adds shape i to the occluders unless its bounding sphere, or those of all its parts, are clear of the bundle.
+// Without a bundle (NULL) every shape is added, and planes and repeated shapes always are.
 INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
