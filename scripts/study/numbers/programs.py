@@ -201,10 +201,8 @@ def remarks(found: Sequence[Row]) -> list[str]:
                 text += ", that of its ratios does not" * (row.verdict not in ("", FEW, TWO_MODES))
             said.append(text)
         if row.step is not None:
-            step = (
-                f"in steps of {100 * row.step:.2g} %: no smaller change" if row.step else "all equal: no step"
-            )
-            said.append(f"{row.name}: its times are {step} is known")
+            step = f"in steps of {100 * row.step:.2g} %" if row.step else "all equal"
+            said.append(f"{row.name}: its times are {step}: no smaller change is known")
         if row.drift:
             way = "slower" if row.drift > 0 else "faster"
             text = f"the last quarter {100 * abs(row.drift):.1f} % {way} than the first"
