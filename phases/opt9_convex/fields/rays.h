@@ -39,8 +39,8 @@ struct field_rays {
 // Sets the hits of packets side by side, whose rays begin at o. Precondition: the group has balls.
 void field_row(const struct field *field, struct vec o, struct field_rays *rays, int packets);
 
-// Returns whether a tile's frustum may meet one of the group's balls. axes: the camera's, in the group's frame; centre: the
-// group's, in camera axes; edges: left, right, bottom and top of the tile in the picture's plane at distance 1; sides:
+// Returns whether a tile's frustum may meet one of the group's balls. axes: the camera's, in the group's frame. centre: the
+// group's, in camera axes. edges: left, right, bottom and top of the tile in the picture's plane at distance 1. sides:
 // the lengths of (edge, 1). Precondition: the group has balls.
 bool field_in_frustum(const struct field *field, const struct vec axes[3], const float centre[3],
                       const float edges[4], const float sides[4]);

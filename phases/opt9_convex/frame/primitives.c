@@ -101,9 +101,9 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
 }
 
 // Returns whether lists from a BVH are made sooner than by asking every shape. Where soft shadows are marched,
-// they are as soon as the BVH has a second level: a frame of 17 spheres, boxes, cones or mixed shapes takes
-// 1/1.2 to 1/1.7 of the time, of tori as much; of 16 it takes 1.5 to 4 times as long. With hard shadows a BVH
-// changes less than a tenth up to 32 shapes, and where soft shadows are closed forms it loses up to there.
+// they are as soon as the BVH has a second level. By it a frame of 17 spheres, boxes, cones or mixed shapes takes
+// 1/1.2 to 1/1.7 of the time, of tori as much. A frame of 16 takes 1.5 to 4 times as long. With hard shadows a
+// BVH changes less than a tenth up to 32 shapes. Where soft shadows are closed forms it loses up to there.
 static bool bvh_pays(const struct prepared *prepared) {
     bool marches = prepared->model.shadows == SHADOWS_SOFT && !SOFT_IS_IDEAL;
     int count = prepared->model.shape_count;
@@ -200,13 +200,12 @@ static void add_group(struct prepared *prepared, int i, struct primitive *p) {
     struct sharp *sharp = &prepared->sharps[prepared->sharp_count];
     bool is_sharp = take_sharp(sharp, shape, field->centre);
     for (int k = 0; k < sharp->leaves && is_sharp; k++) {
+        const struct model *model = &prepared->model;
         struct primitive *leaf = &sharp->leaf[k];
         if (sharp->shape[k])
-            prepare_leaf(leaf, sharp->shape[k], &prepared->model.march);
+            prepare_leaf(leaf, sharp->shape[k], &model->march);
         if (leaf->index >= 0)
-            take_material(
-                leaf,
-                &prepared->model.materials[prepared->model.nodes[(int)leaf->index].shape.material]);
+            take_material(leaf, &model->materials[model->nodes[(int)leaf->index].shape.material]);
     }
     prepared->sharp_count += is_sharp;
     prepare_group(p, field, is_sharp ? sharp : NULL);

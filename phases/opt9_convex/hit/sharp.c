@@ -108,6 +108,12 @@ span_at(struct spans *all, const struct sharp *sharp, int i) {
     return &all->leaf[i];
 }
 
+// Returns p less the nearest point of the capsule's axis, in its frame.
+static inline struct vec off_axis(struct vec p, const struct primitive *s) {
+    p.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c));
+    return p;
+}
+
 // Returns which points are in the leaf, or near it by rounding: this takes less than a span.
 static inline vmask near_leaf(const struct primitive *s, struct vec p) {
     if (s->type == SHAPE_PLANE)
@@ -115,8 +121,7 @@ static inline vmask near_leaf(const struct primitive *s, struct vec p) {
     p = vec_sub(p, vec_set(s->position));
     float radius = s->bound;
     if ((int)s->type == SHAPE_CAPSULE) {
-        p = turned(s, p);
-        p.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c));
+        p = off_axis(turned(s, p), s);
         radius = s->a;
     }
     return v_cmp_le(vec_dot(p, p), v_splat(radius * radius * (1.0f + 0x1p-8f)));
@@ -169,16 +174,10 @@ vmask sharp_enter(const struct sharp *sharp, struct vec o, struct vec d, vmask a
     return found;
 }
 
-// Returns p less the nearest point of the capsule's axis, in its frame.
-static struct vec off_axis(struct vec p, const struct primitive *s) {
-    p.y = p.y - v_min(v_max(p.y, v_splat(-s->c)), v_splat(s->c));
-    return p;
-}
-
 static vfloat leaf_distance(const struct primitive *s, struct vec p) {
     if (s->type == SHAPE_PLANE)
         return height_over(s, p);
-    p = turned(s, vec_sub(p, vec_set(s->position)));
+    p = to_local(s, p);
     if ((int)s->type == SHAPE_CAPSULE)
         return vec_norm(off_axis(p, s)) - v_splat(s->a);
     return distance_at(p, s, v_mask_none());
@@ -187,7 +186,7 @@ static vfloat leaf_distance(const struct primitive *s, struct vec p) {
 static struct vec leaf_normal(const struct primitive *s, struct vec p) {
     if (s->type == SHAPE_PLANE)
         return vec_set(s->normal);
-    p = turned(s, vec_sub(p, vec_set(s->position)));
+    p = to_local(s, p);
     if ((int)s->type != SHAPE_CAPSULE)
         return turned_back(s, normal_on(p, s));
     p = off_axis(p, s);

@@ -7,7 +7,7 @@
 #include "types/sdf.h"
 
 // A cone of slope q about a ray of direction l; v: to the centre of a sphere of radius R. It meets the sphere
-// where a·t² − 2·b·t + c ≤ 0, a = 1 − q², and misses it if |v − t·l| ≥ R + q·t for all t ≥ 0.
+// where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses the sphere if |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {
     vfloat along, b, c; // v·l, v·l + q·R, |v|² − R²
 };

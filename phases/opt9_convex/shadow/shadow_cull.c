@@ -12,9 +12,10 @@ INLINE float lit_cone(const struct known_scene *scene) {
 
 // Returns the rays about which a cone of slope q misses all parts of a sharp group (PROOFS.md, 15.).
 INLINE vmask cone_misses_parts(const struct primitive *s, struct vec point, struct vec l, float q) {
-    vmask clear = SHARP_OF(s) && SHARP_OF(s)->balls > 0 ? v_mask_all() : v_mask_none();
-    for (int k = 0; SHARP_OF(s) && k < SHARP_OF(s)->balls; k++) {
-        const float *ball = SHARP_OF(s)->ball[k];
+    const struct sharp *sharp = SHARP_OF(s);
+    vmask clear = sharp && sharp->balls > 0 ? v_mask_all() : v_mask_none();
+    for (int k = 0; sharp && k < sharp->balls; k++) {
+        const float *ball = sharp->ball[k];
         struct vec v = vec_sub(vec_set(ball), point);
         clear = v_and(clear, cone_misses(cone_to_ball(v, l, ball[3], ball[3] * ball[3], q), q));
     }
